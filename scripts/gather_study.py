@@ -1,0 +1,13 @@
+"""Gather the cases of one study into a dataset (rule gather_study)."""
+
+from pathlib import Path
+
+from limo.config import load_config
+from limo.dataset import gather_study
+from limo.door import logged
+from limo.files import write_whole
+
+with logged(snakemake.log[0]):  # noqa: F821
+    loaded = load_config(snakemake.params.config_file)  # noqa: F821
+    dataset = gather_study(loaded, snakemake.wildcards.study, Path("results/cases"))  # noqa: F821
+    write_whole(Path(snakemake.output[0]), dataset.to_netcdf)  # noqa: F821

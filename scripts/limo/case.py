@@ -1,0 +1,151 @@
+"""One physical case: what determines its result, its name, and what it shares with other cases."""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+import json
+from dataclasses import dataclass, field
+from functools import cache
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+from limo.config import Device, Loaded, Mesh, MeshLevel, Numerics
+
+PACKAGE = Path(__file__).parent
+#: modules whose code decides what a mesh, and what a solution, looks like
+MESH_CODE = ("geometry", "mesh", "elements")
+SOLVE_CODE = (*MESH_CODE, "model", "deck", "frd", "volumes", "energy", "kinematics", "engines.calculix", "solution")
+#: modules whose code decides what a study's dataset holds
+GATHER_CODE = ("dataset", "efficiency", "solution")
+
+
+def number_label(value: float) -> str:
+    """A float as part of a name: ``3.8`` -> ``3.8``, ``2.0`` -> ``2``; never an exponent."""
+    text = f"{float(value):.6f}".rstrip("0").rstrip(".")
+    return text or "0"
+
+
+def digest(data: Any, length: int = 10) -> str:
+    """Hash of plain data, the same for equal content whatever its order of keys."""
+    text = json.dumps(data, sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(text.encode()).hexdigest()[:length]
+
+
+@cache
+def code_digest(modules: tuple[str, ...]) -> str:
+    """Hash of what modules of this package do: comments, docstrings and layout do not count."""
+    hashes = []
+    for name in modules:
+        tree = ast.parse((PACKAGE / f"{name.replace('.', '/')}.py").read_text(encoding="utf-8"))
+        for node in ast.walk(tree):
+            body = getattr(node, "body", None)
+            if isinstance(body, list) and body and isinstance(body[0], ast.Expr) and isinstance(body[0].value, ast.Constant):
+                body[0].value.value = ""
+        hashes.append(hashlib.sha256(ast.dump(tree).encode()).hexdigest())
+    return digest(hashes)
+
+
+@dataclass(frozen=True)
+class Case:
+    """Everything that determines the solution of one device under one pair of pressures.
+
+    Pressures in kPa. ``frames`` are the pressures (kPa) whose displacements are kept; they do not belong to the identity.
+    """
+
+    device: Device
+    device_name: str
+    n_pouches: int
+    ventricular_pressure: float
+    actuation_pressure_max: float
+    aspect_ratio: float
+    stiffness_ratio: float
+    mesh: Mesh
+    mesh_level: MeshLevel
+    numerics: Numerics
+    numerics_name: str
+    frames: tuple[float, ...] = field(compare=False, default=())
+
+    def mesh_content(self) -> dict[str, Any]:
+        """What the mesh depends on: not the pressures, the aspect ratio or any stiffness."""
+        return {
+            "pattern": self.device.pattern.model_dump(mode="json"),
+            "n_pouches": self.n_pouches,
+            "level": self.mesh_level.model_dump(mode="json"),
+            "symmetry": self.mesh.symmetry,
+        }
+
+    def content(self) -> dict[str, Any]:
+        """What the solution depends on."""
+        return {
+            "mesh": self.mesh_content(),
+            "element": self.mesh.element,
+            "material": self.device.material.model_dump(mode="json"),
+            "ventricular_pressure": self.ventricular_pressure,
+            "actuation_pressure_max": self.actuation_pressure_max,
+            "aspect_ratio": self.aspect_ratio,
+            "stiffness_ratio": self.stiffness_ratio,
+            "numerics": self.numerics.model_dump(mode="json", exclude={"description"}),
+        }
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data from which ``from_dict`` makes the same case again (for passing it between processes)."""
+        return {k: v.model_dump(mode="json") if hasattr(v, "model_dump") else v for k, v in self.__dict__.items()}
+
+    @classmethod
+    def from_dict(cls, data: dict[str, Any]) -> Case:
+        """The case that ``to_dict`` described."""
+        models = {"device": Device, "mesh": Mesh, "mesh_level": MeshLevel, "numerics": Numerics}
+        values = {k: models[k].model_validate(v) if k in models else v for k, v in data.items()}
+        return cls(**{**values, "frames": tuple(values["frames"])})
+
+    @property
+    def mesh_id(self) -> str:
+        """Name of the mesh, shared by all cases with the same outline, N_p, level and symmetry."""
+        return f"{self.device_name}_np{self.n_pouches}_{self.mesh.level}_{self.mesh.symmetry}_{digest(self.mesh_content())}"
+
+    @property
+    def case_id(self) -> str:
+        """Name of the case: the four physical numbers for people, a hash of all the rest."""
+        numbers = (
+            f"np{self.n_pouches}_pv{number_label(self.ventricular_pressure)}"
+            f"_ar{number_label(self.aspect_ratio)}_eh{number_label(self.stiffness_ratio)}"
+        )
+        return f"{self.device_name}_{numbers}_{self.mesh.level}_{self.numerics_name}_{digest(self.content())}"
+
+
+def study_cases(loaded: Loaded, name: str) -> dict[tuple, Case]:
+    """The cases of a study by (n_pouches, ventricular_pressure, aspect_ratio, stiffness_ratio, width_scale)."""
+    study = loaded.studies[name]
+    device, mesh = loaded.devices[study.device], loaded.mesh_of(study)
+    scales = study.axes.width_scale or [device.pattern.width_scale]
+    axes = study.axes
+    cases = {}
+    for key in product(axes.n_pouches, axes.ventricular_pressure, axes.aspect_ratio, axes.stiffness_ratio, scales):
+        n_pouches, pressure, aspect, stiffness, scale = key
+        cases[key] = Case(
+            device=device.model_copy(update={"pattern": device.pattern.model_copy(update={"width_scale": scale})}),
+            device_name=study.device,
+            n_pouches=n_pouches,
+            ventricular_pressure=pressure,
+            actuation_pressure_max=study.maximum_for(pressure),
+            aspect_ratio=aspect,
+            stiffness_ratio=stiffness,
+            mesh=mesh,
+            mesh_level=loaded.config.mesh_levels[mesh.level],
+            numerics=loaded.numerics_of(study),
+            numerics_name=study.numerics or loaded.config.numerics,
+            frames=tuple(study.frames_for(pressure)),
+        )
+    return cases
+
+
+def all_cases(loaded: Loaded) -> dict[str, Case]:
+    """Every distinct case of every study by its id, with the frames of all studies that share it."""
+    cases: dict[str, Case] = {}
+    for name in loaded.studies:
+        for case in study_cases(loaded, name).values():
+            frames = {*case.frames, *(cases[case.case_id].frames if case.case_id in cases else ())}
+            cases[case.case_id] = Case(**{**case.__dict__, "frames": tuple(sorted(frames))})
+    return cases

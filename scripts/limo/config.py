@@ -1,0 +1,586 @@
+"""The configuration: what a device, a study and a numerics preset may say, in which units and ranges.
+
+``load_config`` reads ``config/config.yaml`` with the devices and studies beside it and refuses every mistake in one
+message that names file, key, value, range and an example. The JSON schema in ``workflow/schemas`` is generated from
+these models (``python -m limo.config``), never written by hand.
+"""
+
+from __future__ import annotations
+
+import itertools
+import json
+import re
+import sys
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import yaml
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+
+from limo.errors import ConfigError
+
+Element = Literal["S8", "S8R", "C3D20", "C3D20R"]
+Symmetry = Literal["full", "front_back", "quarter"]
+Point = tuple[Annotated[float, Field(ge=0, le=2)], Annotated[float, Field(ge=0, le=1.2)]]
+SplinePoints = Annotated[list[Point], Field(min_length=2)]
+NAME = r"^[A-Za-z][A-Za-z0-9_]*$"
+
+
+class Section(BaseModel):
+    """A part of the configuration: unknown keys are refused, values are immutable."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# the device
+
+
+class Valve(Section):
+    """Rigid elliptic valve support. Its perimeter is that of the flat edge, kept for every aspect ratio."""
+
+    semi_major_over_length: float | None = Field(
+        None, gt=0, lt=1, description="a/L, the semi-axis in x over the device length, at at_aspect_ratio", examples=[0.3275]
+    )
+    at_aspect_ratio: float = Field(
+        2.0, ge=1, le=10, description="aspect ratio that semi_major_over_length is given for", examples=[2.0]
+    )
+    flat_half_width_over_length: float | None = Field(
+        None,
+        gt=0,
+        lt=1,
+        description="half width of the flat valve edge over L, instead of semi_major_over_length",
+        examples=[0.3966],
+    )
+
+    @model_validator(mode="after")
+    def _one_of_two(self) -> Valve:
+        if (self.semi_major_over_length is None) == (self.flat_half_width_over_length is None):
+            raise ValueError("exactly one of semi_major_over_length and flat_half_width_over_length")
+        return self
+
+
+class Seams(Section):
+    """Seams between pouches with x >= 0, as multiples in x of one reference seam."""
+
+    reference: SplinePoints = Field(
+        description="points (x/L, y/L) of the reference seam, from the lower border of the pouch array to the upper",
+        examples=[[[0.13, 0.22], [0.13, 0.94]]],
+    )
+    reference_position: float = Field(
+        gt=0,
+        lt=1,
+        description="where the reference seam lies at mid-height, as a fraction of the array's half width",
+        examples=[0.61],
+    )
+    spacing_exponent: float = Field(
+        1.0,
+        ge=1,
+        le=3,
+        description="p in 1 - (1 - u)^p, the placement of seams for numbers of pouches not in fractions",
+        examples=[1.36],
+    )
+    fractions: dict[int, list[Annotated[float, Field(ge=0, le=10)]]] = Field(
+        default_factory=dict,
+        description="multiples of the reference seam for a number of pouches; 0 is a seam on the axis",
+        examples=[{8: [0.0, 1.0]}],
+    )
+
+    @field_validator("fractions")
+    @classmethod
+    def _count_and_order(cls, fractions: dict[int, list[float]]) -> dict[int, list[float]]:
+        for n_pouches, positions in fractions.items():
+            if n_pouches < 2 or n_pouches % 2:
+                raise ValueError("even numbers of pouches as keys")
+            per_face = n_pouches // 2
+            if len(positions) != per_face // 2 or (per_face % 2 == 0) != (bool(positions) and positions[0] == 0):
+                raise ValueError(
+                    f"for {n_pouches} pouches {per_face // 2} seam(s) with x >= 0, the first "
+                    + ("0 (on the axis)" if per_face % 2 == 0 else "off the axis")
+                )
+            if list(positions) != sorted(set(positions)):
+                raise ValueError("increasing positions")
+        return fractions
+
+
+class Material(Section):
+    """St. Venant-Kirchhoff fabric (paper, *Constitutive modeling*)."""
+
+    youngs_modulus: float = Field(gt=0, le=1e5, description="E in MPa", examples=[267.0])
+    poisson_ratio: float = Field(gt=-1, lt=0.5, description="nu", examples=[0.33])
+    thickness: float = Field(gt=0, le=5, description="t in mm", examples=[0.19])
+    areal_density: float = Field(gt=0, le=1e4, description="mass per area in g/m^2", examples=[170.0])
+
+
+class Pattern(Section):
+    """Outline and pouch layout of a face, right half. Coordinates are fractions of the length."""
+
+    length: float = Field(gt=0, le=1000, description="L in mm, from the valve edge to the apex", examples=[140.0])
+    width_scale: float = Field(1.0, ge=0.5, le=1.5, description="scale of all widths away from the valve edge", examples=[0.9])
+    width_blend: float = Field(
+        0.25, gt=0, le=1, description="y/L over which width_scale is blended to 1 at the valve edge", examples=[0.25]
+    )
+    valve: Valve
+    outline: list[SplinePoints] = Field(
+        min_length=1,
+        description="smooth curves, end to start, from the valve edge (x/L, 0) to the apex (0, 1)",
+        examples=[[[[0.4, 0.0], [0.44, 0.5], [0.0, 1.0]]]],
+    )
+    pouch_array: list[SplinePoints] = Field(
+        min_length=1,
+        description="smooth curves, end to start, from (0, y_bottom) round the array to (0, y_top)",
+        examples=[[[[0.0, 0.2], [0.4, 0.2]], [[0.4, 0.2], [0.4, 0.9]], [[0.4, 0.9], [0.0, 0.9]]]],
+    )
+    seams: Seams
+
+    @field_validator("outline", "pouch_array")
+    @classmethod
+    def _chained(cls, curves: list[list[Point]]) -> list[list[Point]]:
+        for before, after in itertools.pairwise(curves):
+            if before[-1] != after[0]:
+                raise ValueError(f"curves that meet end to start: {before[-1]} and {after[0]} differ")
+        for curve in curves:
+            if any(p == q for p, q in itertools.pairwise(curve)):
+                raise ValueError("no point twice in a row")
+        if curves[-1][-1][0] != 0:
+            raise ValueError("a last point on the axis x = 0")
+        return curves
+
+
+class Device(Section):
+    """A flat fabric device: two faces, each a wall with pouches on it, of one fabric."""
+
+    pattern: Pattern
+    material: Material
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# numerics
+
+
+class MeshLevel(Section):
+    """How fine a mesh is."""
+
+    degrees_of_freedom: int = Field(
+        ge=1000,
+        le=5_000_000,
+        description="three displacements a node of the written-out bricks, for the full device",
+        examples=[70000],
+    )
+    grading: float = Field(
+        1.0, ge=0.2, le=1, description="element size on seams and edges over the size away from them", examples=[0.7]
+    )
+
+
+class Mesh(Section):
+    """The mesh a study asks for."""
+
+    level: str = Field("preview", pattern=NAME, description="name of an entry of mesh_levels", examples=["preview"])
+    symmetry: Symmetry = Field("quarter", description="planes used: none, z = 0, or z = 0 and x = 0", examples=["quarter"])
+    element: Element = Field(
+        "C3D20R",
+        description="S8 and S8R (expanded by CalculiX, full device only) or the same layer written out",
+        examples=["C3D20R"],
+    )
+
+    @model_validator(mode="after")
+    def _shells_are_full(self) -> Mesh:
+        if self.element.startswith("S8") and self.symmetry != "full":
+            raise ValueError(f"symmetry: full for element {self.element} (or element C3D20R for a symmetric model)")
+        return self
+
+
+class Stage(Section):
+    """One stage of the loading: how long it takes and how strongly it is damped."""
+
+    damping: float = Field(ge=0, le=1e12, description="mass-proportional damping in 1/s", examples=[1.0e6])
+    duration: float | None = Field(
+        None, gt=0, description="s; not for the ramp, whose length follows from its rate", examples=[20.0]
+    )
+    rate: float | None = Field(None, gt=0, le=1000, description="kPa/s of the actuation pressure, ramp only", examples=[0.25])
+
+
+class Controls(Section):
+    """Newton limits; CalculiX's own default wherever a key is left out (*CONTROLS)."""
+
+    residual: float = Field(5e-3, gt=0, le=1, description="largest residual over mean force", examples=[5e-3])
+    correction: float = Field(
+        1e-2, gt=0, le=100, description="largest correction over largest increment of displacement", examples=[1e-2]
+    )
+    growth: float = Field(1.5, gt=1, le=10, description="factor of a growing increment", examples=[1.5])
+    cutback: float = Field(0.25, gt=0, lt=1, description="factor of an increment that is tried again", examples=[0.25])
+    iterations_for_growth: int = Field(
+        4, ge=2, le=50, description="an increment grows after at most this many iterations", examples=[4]
+    )
+    iterations_for_decrease: int = Field(
+        10, ge=3, le=100, description="an increment shrinks after more iterations than this", examples=[10]
+    )
+    cutbacks: int = Field(5, ge=1, le=100, description="most attempts at one increment", examples=[5])
+
+
+class Numerics(Section):
+    """How the equations are integrated in time (paper, *Numerical solver*)."""
+
+    description: str = Field("", description="one sentence", examples=["quasi-static"])
+    hht_alpha: float = Field(-1 / 3, ge=-1 / 3, le=0, description="HHT parameter", examples=[-0.3333333])
+    fit: Stage = Field(description="valve edge onto the ellipse and ventricular pressure, ramped linearly")
+    hold: Stage = Field(description="constant loads, until the device rests")
+    ramp: Stage = Field(description="actuation pressure from zero to its maximum")
+    first_increment: float = Field(1e-3, gt=0, le=1, description="first increment over the duration of the fit", examples=[1e-3])
+    smallest_increment: float = Field(
+        1e-7, gt=0, le=1e-2, description="smallest increment over the duration of the fit", examples=[1e-7]
+    )
+    largest_increment: float = Field(2.0, gt=0, le=100, description="largest increment, in kPa of the ramp", examples=[2.0])
+    controls: Controls = Controls()
+    rest_tolerance: float = Field(
+        5e-3,
+        gt=0,
+        lt=1,
+        description="at rest: relative change of the ventricle volume over the second half of the hold",
+        examples=[5e-3],
+    )
+
+    @model_validator(mode="after")
+    def _stages(self) -> Numerics:
+        for name in ("fit", "hold"):
+            stage = getattr(self, name)
+            if stage.duration is None or stage.rate is not None:
+                raise ValueError(f"{name} takes duration and no rate")
+        if self.ramp.rate is None or self.ramp.duration is not None:
+            raise ValueError("ramp takes rate and no duration")
+        dampings = [s.damping for s in (self.fit, self.hold, self.ramp)]
+        if min(dampings) == 0 and max(dampings) > 0:
+            raise ValueError("damping zero in all stages or in none")
+        return self
+
+
+class Solver(Section):
+    """Where CalculiX is and how long it may take."""
+
+    command: str | None = Field(
+        None, description="path of ccx; found on PATH or in .local/ when empty", examples=["/usr/bin/ccx"]
+    )
+    threads: int = Field(1, ge=1, le=64, description="threads a case; one is bit-reproducible", examples=[1])
+    time_limit: float = Field(120.0, gt=0, description="minutes of wall time a case may take", examples=[120.0])
+    stall_limit: float = Field(
+        10.0, gt=0, description="minutes without a new Newton iteration before a case is stopped", examples=[10.0]
+    )
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# studies
+
+Pouches = Annotated[int, Field(ge=2, le=16, multiple_of=2)]
+Pressure = Annotated[float, Field(ge=0, le=1000)]
+FRAME = re.compile(r"^\s*(P_v|max)\s*(?:([+-])\s*(\d+(?:\.\d*)?))?\s*$")
+
+
+class Axes(Section):
+    """The grid of a study: every combination is a case."""
+
+    n_pouches: list[Pouches] = Field(min_length=1, description="N_p, even, on both faces together", examples=[[4, 6, 8, 10]])
+    ventricular_pressure: list[Pressure] = Field(min_length=1, description="P_v in kPa", examples=[[3.8, 13.8, 23.8]])
+    aspect_ratio: list[Annotated[float, Field(ge=1, le=10)]] = Field(
+        default=[2.0], min_length=1, description="AR of the valve support", examples=[[1.0, 2.0]]
+    )
+    stiffness_ratio: list[Annotated[float, Field(gt=0, le=100)]] = Field(
+        default=[1.0], min_length=1, description="E_hat, endocardial over fabric modulus", examples=[[0.5, 1.0]]
+    )
+    width_scale: list[Annotated[float, Field(ge=0.5, le=1.5)]] | None = Field(
+        None, min_length=1, description="instead of the device's own width_scale (for its calibration)", examples=[[0.8, 1.0]]
+    )
+
+    @field_validator("*")
+    @classmethod
+    def _no_value_twice(cls, values: list | None) -> list | None:
+        if values is not None and len(set(values)) != len(values):
+            raise ValueError("no value twice")
+        return values
+
+
+class Study(Section):
+    """A grid of cases and what is wanted of them."""
+
+    description: str = Field("", description="one sentence", examples=["pressure-volume curves"])
+    device: str = Field("limo", pattern=NAME, description="name of a file in config/devices", examples=["limo"])
+    axes: Axes
+    actuation_pressure_max: Annotated[float, Field(gt=0, le=1000)] | dict[float, Annotated[float, Field(gt=0, le=1000)]] = Field(
+        description="P_a,max in kPa, one number or one for each P_v", examples=[{3.8: 60, 13.8: 100, 23.8: 140}]
+    )
+    mesh: Mesh | None = Field(None, description="instead of the configuration's mesh")
+    numerics: str | None = Field(
+        None, pattern=NAME, description="name of an entry of numerics, instead of the default", examples=["fast"]
+    )
+    frames: list[float | str] = Field(
+        default=[0.0, "P_v", "P_v + 10", "P_v + 20", "P_v + 40", "P_v + 60", "max"],
+        description="actuation pressures in kPa whose displacements are kept: a number, P_v, P_v + number, or max",
+        examples=[[0, "P_v + 10", "max"]],
+    )
+    pressure_step: float = Field(0.5, gt=0, le=50, description="kPa between the pressures of the study's dataset", examples=[0.5])
+    figures: list[Annotated[str, Field(pattern=NAME)]] = Field(
+        default=[], description="figures to draw", examples=[["pressure_volume"]]
+    )
+    measured: str | None = Field(
+        None,
+        description="CSV of measured curves to lay over the figure, a path from the project's root",
+        examples=["config/measured/arfaee2025.csv"],
+    )
+
+    @field_validator("frames")
+    @classmethod
+    def _frames(cls, frames: list[float | str]) -> list[float | str]:
+        for frame in frames:
+            if isinstance(frame, str) and not FRAME.match(frame):
+                raise ValueError(f"not {frame!r}")
+            if not isinstance(frame, str) and frame < 0:
+                raise ValueError(f"no negative pressure, not {frame}")
+        return frames
+
+    def maximum_for(self, ventricular_pressure: float) -> float:
+        """P_a,max (kPa) of the cases at a P_v (kPa). Raises ``KeyError`` where none is given."""
+        if isinstance(self.actuation_pressure_max, dict):
+            return self.actuation_pressure_max[ventricular_pressure]
+        return self.actuation_pressure_max
+
+    def frames_for(self, ventricular_pressure: float) -> list[float]:
+        """Pressures of the kept frames (kPa), in order, those beyond P_a,max left out for ``P_v`` expressions."""
+        maximum, pressures = self.maximum_for(ventricular_pressure), set()
+        for frame in self.frames:
+            if isinstance(frame, str):
+                base, sign, offset = FRAME.match(frame).groups()
+                value = ventricular_pressure if base == "P_v" else maximum
+                value += float(f"{sign or '+'}{offset or 0}")
+            else:
+                value = frame
+            if 0 <= value <= maximum:
+                pressures.add(round(value, 6))
+        return sorted(pressures)
+
+
+class Config(Section):
+    """``config/config.yaml``: what runs by default and the presets that studies name."""
+
+    studies: list[Annotated[str, Field(pattern=NAME)]] = Field(
+        min_length=1, description="studies that `snakemake` runs when none is named", examples=[["pressure_volume"]]
+    )
+    mesh: Mesh = Field(Mesh(), description="mesh of studies that say nothing else")
+    numerics: str = Field("fast", pattern=NAME, description="preset of studies that say nothing else", examples=["fast"])
+    mesh_levels: dict[Annotated[str, Field(pattern=NAME)], MeshLevel] = Field(min_length=1, description="mesh levels by name")
+    numerics_presets: dict[Annotated[str, Field(pattern=NAME)], Numerics] = Field(min_length=1, description="numerics by name")
+    solver: Solver = Solver()
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# reading
+
+
+class Loaded:
+    """A configuration with its devices and studies resolved and checked against each other.
+
+    ``config`` (``Config``), ``devices`` and ``studies`` (by name), ``files`` (path of each study and device).
+    """
+
+    def __init__(self, config: Config, devices: dict[str, Device], studies: dict[str, Study], files: dict[str, Path]):
+        self.config, self.devices, self.studies, self.files = config, devices, studies, files
+
+    def mesh_of(self, study: Study) -> Mesh:
+        """The mesh a study uses."""
+        return study.mesh or self.config.mesh
+
+    def numerics_of(self, study: Study) -> Numerics:
+        """The numerics preset a study uses."""
+        return self.config.numerics_presets[study.numerics or self.config.numerics]
+
+    def content(self, name: str) -> dict[str, Any]:
+        """The resolved configuration of a study: what its dataset depends on besides the results of its cases."""
+        study = self.studies[name]
+        sections = {
+            "study": study,
+            "device": self.devices[study.device],
+            "mesh": self.mesh_of(study),
+            "mesh_level": self.config.mesh_levels[self.mesh_of(study).level],
+            "numerics": self.numerics_of(study),
+            "solver": self.config.solver,
+        }
+        return {k: v.model_dump(mode="json") for k, v in sections.items()}
+
+
+class _UniqueKeyLoader(yaml.SafeLoader):
+    """Refuses a key that stands twice in a mapping (plain YAML lets the last one win without a word)."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict:
+        keys = [self.construct_object(k, deep=True) for k, _ in node.value]
+        for k in keys:
+            if keys.count(k) > 1:
+                raise yaml.constructor.ConstructorError(None, None, f"key {k!r} stands twice", node.start_mark)
+        return super().construct_mapping(node, deep)
+
+
+# YAML 1.1 reads 1e6 as text: take it as the number it is
+_UniqueKeyLoader.add_implicit_resolver(
+    "tag:yaml.org,2002:float",
+    re.compile(r"^[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)$"),
+    list("-+0123456789."),
+)
+
+
+def read_yaml(path: Path) -> dict[str, Any]:
+    """A YAML mapping. Raises ``ConfigError`` when it cannot be read or is not a mapping."""
+    try:
+        data = yaml.load(path.read_text(encoding="utf-8"), Loader=_UniqueKeyLoader)
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(path, "(file)", str(error), "a readable text file", "config/devices/limo.yaml") from None
+    except (yaml.YAMLError, ValueError, RecursionError, TypeError) as error:
+        where = getattr(error, "problem_mark", None)
+        at = f"line {where.line + 1}" if where else "(file)"
+        raise ConfigError(path, at, getattr(error, "problem", None) or str(error), "YAML", "key: value") from None
+    if not isinstance(data, dict):
+        raise ConfigError(path, "(file)", data, "a mapping of keys to values", "device: limo")
+    return data
+
+
+def parse(model: type[Section], data: dict[str, Any], path: Path) -> Any:
+    """``model`` made from ``data``, or the first mistake as a ``ConfigError``."""
+    try:
+        return model.model_validate(data)
+    except ValidationError as error:
+        raise _explain(model, error, path) from None
+
+
+def _explain(model: type[Section], error: ValidationError, path: Path) -> ConfigError:
+    """One message for the first mistake pydantic found."""
+    first = error.errors()[0]
+    location = [str(p) for p in first["loc"]]
+    field, keys, owner = None, [], model
+    for part in location:
+        fields = getattr(owner, "model_fields", {})
+        if part in fields:
+            field = fields[part]
+            inner = [t for t in _models(field.annotation)]
+            owner = inner[0] if inner else None
+            keys.append(part)
+        elif first["type"] == "extra_forbidden" or (re.fullmatch(r"[\w.+-]+", part) and part not in ("float", "str", "int")):
+            keys.append(part)
+    key = ".".join(k for k in keys if not k.startswith(("dict[", "constrained", "function-", "list["))) or "(file)"
+    message = first["msg"].removeprefix("Value error, ").removeprefix("Input should be ")
+    value = first["input"]
+    if isinstance(value, dict) and len(value) > 4:
+        value = "{" + ", ".join(map(str, value)) + "}"
+    if first["type"] == "extra_forbidden":
+        known = ", ".join(sorted(getattr(owner or model, "model_fields", {})))
+        return ConfigError(path, key, value, f"no such key; known here: {known}", "see config/README.md")
+    if first["type"] == "missing":
+        message, value = "a value (the key is missing)", None
+    expected = message if field is None or not field.description else f"{message} ({field.description})"
+    example = json.dumps(field.examples[0]) if field is not None and field.examples else "see config/README.md"
+    return ConfigError(
+        path,
+        key,
+        value,
+        expected,
+        f"{keys[0] if keys and field is None else location[-1] if not field else _last(keys)}: {example}",
+    )
+
+
+def _last(keys: list[str]) -> str:
+    return next((k for k in reversed(keys) if not k.isdigit()), "key")
+
+
+def _models(annotation: Any) -> list[type[Section]]:
+    """The sections inside a type such as ``dict[str, Numerics]``."""
+    if isinstance(annotation, type) and issubclass(annotation, Section):
+        return [annotation]
+    return [m for a in getattr(annotation, "__args__", ()) for m in _models(a)]
+
+
+def load_config(path: str | Path = "config/config.yaml") -> Loaded:
+    """Read ``path``, and ``devices/*.yaml`` and ``studies/*.yaml`` beside it.
+
+    Raises ``ConfigError`` for the first mistake found in any of them.
+    """
+    path = Path(path)
+    config: Config = parse(Config, read_yaml(path), path)
+    files: dict[str, Path] = {}
+
+    def read_all(folder: str, model: type[Section]) -> dict[str, Any]:
+        found = {}
+        for file in sorted((path.parent / folder).glob("*.y*ml")):
+            if not re.match(NAME, file.stem):
+                raise ConfigError(file, "(file name)", file.stem, "letters, digits and _, a letter first", "my_study.yaml")
+            if file.stem in found:
+                raise ConfigError(file, "(file name)", file.stem, "one file for a name", "remove one of .yml and .yaml")
+            found[file.stem] = parse(model, read_yaml(file), file)
+            files[f"{folder}/{file.stem}"] = file
+        return found
+
+    devices, studies = read_all("devices", Device), read_all("studies", Study)
+    loaded = Loaded(config, devices, studies, files)
+    for name in config.studies:
+        if name not in studies:
+            raise ConfigError(path, "studies", name, f"a study in {path.parent}/studies: {', '.join(studies)}", "pressure_volume")
+    _check_names(path, "mesh.level", config.mesh.level, config.mesh_levels)
+    _check_names(path, "numerics", config.numerics, config.numerics_presets)
+    for name, study in studies.items():
+        _check_study(loaded, files[f"studies/{name}"], study)
+    return loaded
+
+
+def _check_names(path: Path, key: str, value: str, known: dict[str, Any]) -> None:
+    if value not in known:
+        names = ", ".join(known)
+        raise ConfigError(path, key, value, f"one of: {names}", f"{key}: {next(iter(known), '')}")
+
+
+def _check_study(loaded: Loaded, path: Path, study: Study) -> None:
+    """What a study names must exist, and its pressures must fit together."""
+    from limo.figures import FIGURES
+    from limo.geometry import flat_pattern
+
+    _check_names(path, "device", study.device, loaded.devices)
+    if study.numerics:
+        _check_names(path, "numerics", study.numerics, loaded.config.numerics_presets)
+    _check_names(path, "mesh.level", loaded.mesh_of(study).level, loaded.config.mesh_levels)
+    for figure in study.figures:
+        _check_names(path, "figures", figure, dict.fromkeys(FIGURES))
+    if study.measured and not Path(study.measured).is_file():
+        raise ConfigError(path, "measured", study.measured, "a readable CSV file", "measured: config/measured/arfaee2025.csv")
+    for pressure in study.axes.ventricular_pressure:
+        try:
+            maximum = study.maximum_for(pressure)
+        except KeyError:
+            raise ConfigError(
+                path,
+                "actuation_pressure_max",
+                study.actuation_pressure_max,
+                f"a maximum for P_v = {pressure} kPa",
+                f"actuation_pressure_max: {{{pressure}: {pressure + 60:g}}}",
+            ) from None
+        if maximum <= pressure:
+            raise ConfigError(
+                path,
+                "actuation_pressure_max",
+                maximum,
+                f"more than P_v = {pressure} kPa, or nothing inflates",
+                f"actuation_pressure_max: {pressure + 60:g}",
+            )
+        if beyond := [f for f in study.frames if not isinstance(f, str) and f > maximum]:
+            raise ConfigError(
+                path, "frames", beyond[0], f"pressures up to actuation_pressure_max = {maximum:g} kPa", "frames: [0, max]"
+            )
+    device = loaded.devices[study.device]
+    for scale in study.axes.width_scale or [device.pattern.width_scale]:
+        for n_pouches in study.axes.n_pouches:
+            pattern = device.pattern.model_copy(update={"width_scale": scale})
+            flat_pattern(pattern, n_pouches, loaded.files[f"devices/{study.device}"])
+
+
+def json_schemas() -> dict[str, dict[str, Any]]:
+    """The JSON schemas of the three kinds of configuration file, by file name."""
+    models = {"config": Config, "study": Study, "device": Device}
+    return {f"{name}.schema.json": model.model_json_schema() for name, model in models.items()}
+
+
+if __name__ == "__main__":
+    target = Path(sys.argv[1] if len(sys.argv) > 1 else "workflow/schemas")
+    for file_name, schema in json_schemas().items():
+        (target / file_name).write_text(json.dumps(schema, indent=2) + "\n", encoding="utf-8")

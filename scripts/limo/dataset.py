@@ -1,0 +1,205 @@
+"""The datasets: names, dimensions, units and attributes of every stored variable, and how a study is gathered."""
+
+from __future__ import annotations
+
+import json
+import platform
+import subprocess
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from limo import __version__
+from limo.case import Case, study_cases
+from limo.config import Loaded
+from limo.efficiency import efficiency_at_stroke, io_ratio
+from limo.errors import ResultError
+from limo.files import read_json
+from limo.solution import ramp_of
+
+STROKE_FOR_EFFICIENCY = 90.0  # ml, physiological stroke volume (paper, Afterload sensitivity)
+STATUSES = ("converged", "diverged", "timed_out", "crashed", "missing")
+CASE_DIMS = ("n_pouches", "ventricular_pressure", "aspect_ratio", "stiffness_ratio", "width_scale")
+CURVE_DIMS = (*CASE_DIMS, "actuation_pressure")
+
+
+@dataclass(frozen=True)
+class Variable:
+    """What is stored under a name: ``dims`` are those of a case or of a curve."""
+
+    dims: tuple[str, ...]
+    units: str
+    long_name: str
+
+
+VARIABLES = {
+    "ventricle_volume": Variable(CURVE_DIMS, "ml", "ventricle volume, V_v"),
+    "actuation_volume": Variable(CURVE_DIMS, "ml", "total pouch volume, V_a"),
+    "actuation_volume_change": Variable(CURVE_DIMS, "ml", "pouch volume since P_a = 0, Delta V_a"),
+    "stroke_volume": Variable(CURVE_DIMS, "ml", "fluid that left the ventricle since P_a = 0, Delta V_v"),
+    "io_ratio": Variable(CURVE_DIMS, "1", "input-output ratio, Delta V_v / Delta V_a"),
+    "efficiency_90ml": Variable(CASE_DIMS, "1", "mechanical efficiency at a stroke of 90 ml, eta"),
+    "pressure_90ml": Variable(CASE_DIMS, "kPa", "actuation pressure at a stroke of 90 ml"),
+    "dissipated_fraction": Variable(CASE_DIMS, "1", "share of the actuation work over the ramp that damping took"),
+    "rest_change": Variable(CASE_DIMS, "1", "relative change of V_v over the last part of the hold"),
+    "actuation_pressure_reached": Variable(CASE_DIMS, "kPa", "highest actuation pressure of an accepted increment"),
+    "solver_time": Variable(CASE_DIMS, "s", "CPU time of the solver"),
+    "python_time": Variable(CASE_DIMS, "s", "CPU time of deck, volumes and files"),
+    "iterations": Variable(CASE_DIMS, "1", "Newton iterations, rejected attempts included"),
+    "solver_memory": Variable(CASE_DIMS, "MiB", "peak resident memory of the solver"),
+}
+COORDINATES = {
+    "n_pouches": ("1", "number of pouches, N_p"),
+    "ventricular_pressure": ("kPa", "ventricular pressure, P_v"),
+    "aspect_ratio": ("1", "aspect ratio of the valve support, AR"),
+    "stiffness_ratio": ("1", "endocardial over fabric modulus, E_hat"),
+    "width_scale": ("1", "scale of the device's widths"),
+    "actuation_pressure": ("kPa", "actuation pressure, P_a"),
+}
+
+
+def curves(history: xr.Dataset, ventricular_pressure: float, pressures: np.ndarray) -> dict[str, np.ndarray]:
+    """A case's curves at ``pressures`` (n,) in kPa, NaN beyond what it reached, and its values at a stroke of 90 ml.
+
+    Raises nothing for a case without a ramp: everything is NaN then.
+    """
+    ramp = ramp_of(history)
+    result = {n: np.full(len(pressures), np.nan) for n, v in VARIABLES.items() if v.dims == CURVE_DIMS}
+    result |= {"efficiency_90ml": np.nan, "pressure_90ml": np.nan}
+    if not ramp.sizes["increment"]:
+        return result
+    pressure = ramp.actuation_pressure.values
+    ventricle, actuation = ramp.ventricle_volume.values, ramp.actuation_volume.values
+    stroke, change = ventricle[0] - ventricle, actuation - actuation[0]
+    at = {
+        "ventricle_volume": ventricle,
+        "actuation_volume": actuation,
+        "stroke_volume": stroke,
+        "actuation_volume_change": change,
+    }
+    for name, values in at.items():
+        result[name] = np.interp(pressures, pressure, values, right=np.nan)
+    result["io_ratio"] = io_ratio(result["stroke_volume"], result["actuation_volume_change"])
+    eta, reached = efficiency_at_stroke(pressure, ventricular_pressure, stroke, change, STROKE_FOR_EFFICIENCY)
+    return result | {"efficiency_90ml": eta, "pressure_90ml": reached}
+
+
+def efficiency_reason(case_status: str, stroke: np.ndarray) -> str:
+    """Why there is no efficiency at 90 ml, or ""."""
+    if not np.isfinite(stroke).any():
+        return f"no ramp ({case_status})"
+    if np.nanmax(stroke) < STROKE_FOR_EFFICIENCY:
+        return f"largest stroke {np.nanmax(stroke):.1f} ml"
+    return ""
+
+
+def gather_study(loaded: Loaded, name: str, case_folder: Path) -> xr.Dataset:
+    """One dataset of a study from the results of its cases below ``case_folder``.
+
+    A case that failed leaves gaps and its status; one whose files cannot be read counts as ``missing``.
+    """
+    study, cases = loaded.studies[name], study_cases(loaded, name)
+    highest = max(case.actuation_pressure_max for case in cases.values())
+    pressures = np.unique(
+        np.append(np.arange(0.0, highest, study.pressure_step), sorted({c.actuation_pressure_max for c in cases.values()}))
+    )
+    axes = study.axes
+    scales = axes.width_scale or [loaded.devices[study.device].pattern.width_scale]
+    coords = dict(
+        zip(CASE_DIMS, (axes.n_pouches, axes.ventricular_pressure, axes.aspect_ratio, axes.stiffness_ratio, scales), strict=True)
+    )
+    shape = tuple(len(v) for v in coords.values())
+    data = {n: np.full(shape + ((len(pressures),) if v.dims == CURVE_DIMS else ()), np.nan) for n, v in VARIABLES.items()}
+    text = {
+        n: np.full(shape, "", dtype=object)
+        for n in ("case_id", "case_status", "case_reason", "efficiency_90ml_reason", "solver_build")
+    }
+    for key, case in cases.items():
+        index = tuple(coords[d].index(k) for d, k in zip(CASE_DIMS, key, strict=True))
+        status, values = _read_case(case, case_folder / case.case_id, pressures)
+        for variable, value in values.items():
+            data[variable][index] = value
+        beyond = pressures > case.actuation_pressure_max + 1e-9
+        for variable, definition in VARIABLES.items():
+            if definition.dims == CURVE_DIMS:
+                data[variable][index][beyond] = np.nan
+        text["case_id"][index] = case.case_id
+        text["case_status"][index] = status["status"]
+        text["case_reason"][index] = status["reason"]
+        text["efficiency_90ml_reason"][index] = efficiency_reason(status["status"], data["stroke_volume"][index])
+        build = status.get("solver", {})
+        text["solver_build"][index] = f"{build.get('version', '')} {build.get('sha256', '')}".strip()
+    dataset = xr.Dataset(
+        {
+            n: (VARIABLES[n].dims, values, {"units": VARIABLES[n].units, "long_name": VARIABLES[n].long_name})
+            for n, values in data.items()
+        }
+        | {n: (CASE_DIMS, values.astype(str), {"long_name": n.replace("_", " ")}) for n, values in text.items()},
+        coords=coords | {"actuation_pressure": pressures},
+        attrs=_attributes(loaded, name),
+    )
+    for coordinate, (units, long_name) in COORDINATES.items():
+        dataset[coordinate].attrs = {"units": units, "long_name": long_name}
+    if axes.width_scale is None:
+        dataset = dataset.isel(width_scale=0)
+    return dataset
+
+
+def _read_case(case: Case, folder: Path, pressures: np.ndarray) -> tuple[dict, dict]:
+    """Status and values of one case; an unreadable result is a status, not an error."""
+    try:
+        status = read_json(folder / "status.json")
+        with xr.open_dataset(folder / "volumes.nc") as history:
+            values = curves(history.load(), case.ventricular_pressure, pressures)
+    except (ResultError, OSError, ValueError, KeyError) as error:
+        return {"status": "missing", "reason": str(error)}, {}
+    missing = float("nan")
+    values |= {
+        "dissipated_fraction": status.get("dissipated_fraction"),
+        "rest_change": status.get("rest_change"),
+        "actuation_pressure_reached": status.get("actuation_pressure_reached"),
+        "solver_time": status.get("solver_cpu_seconds"),
+        "python_time": status.get("python_cpu_seconds"),
+        "iterations": status.get("iterations"),
+        "solver_memory": status.get("solver_memory_mib"),
+    }
+    return status, {k: missing if v is None else v for k, v in values.items()}
+
+
+def _attributes(loaded: Loaded, name: str) -> dict[str, str]:
+    study = loaded.studies[name]
+    return {
+        "title": f"{name}: {study.description}" if study.description else name,
+        "Conventions": "CF-1.11",
+        "source": "CalculiX displacements of a Less In More Out device",
+        "study": name,
+        "config": json.dumps(loaded.content(name), sort_keys=True),
+        "versions": json.dumps(_versions(), sort_keys=True),
+        "git_commit": git_commit(),
+    }
+
+
+def _versions() -> dict[str, str]:
+    found = {"limo": __version__, "python": platform.python_version()}
+    for package in ("gmsh", "meshio", "netCDF4", "numpy", "scipy", "snakemake", "xarray"):
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            found[package] = "absent"
+    return found
+
+
+def git_commit() -> str:
+    """The commit of the project, with ``+`` when files differ from it; ``unknown`` outside a checkout."""
+    root = Path(__file__).parents[2]
+    try:
+        commit = subprocess.run(
+            ["git", "-C", root, "rev-parse", "HEAD"], capture_output=True, text=True, check=True
+        ).stdout.strip()
+        changed = subprocess.run(["git", "-C", root, "status", "--porcelain"], capture_output=True, text=True, check=True).stdout
+    except (OSError, subprocess.CalledProcessError):
+        return "unknown"
+    return commit + ("+" if changed.strip() else "")

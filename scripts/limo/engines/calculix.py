@@ -1,0 +1,203 @@
+"""CalculiX as an engine: find it, run a deck under watch, and judge how the run ended.
+
+CalculiX's exit code alone says little: it is 0 with a missing deck and with nonsense from a singular model, and a
+diverged run still writes one last frame. A run has converged when the exit code is 0, the log has no ``*ERROR``, and the
+last accepted increment (.sta) is at the end of the last step.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import os
+import re
+import shutil
+import signal
+import subprocess
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+from limo.config import Solver
+from limo.errors import ConfigError, SolverNotFoundError
+
+JOB = "deck"
+LOCAL = Path(__file__).parents[3] / ".local" / "bin" / "ccx"
+_POLL = 0.5  # s between looks at a running solver
+
+
+def find_ccx(solver: Solver, config_file: str = "config/config.yaml") -> Path:
+    """The executable: ``solver.command``, else ``ccx`` on PATH, else the one that set-up unpacked into ``.local``.
+
+    Raises ``ConfigError`` for a command that is not an executable, ``SolverNotFoundError`` when there is none at all.
+    """
+    if solver.command:
+        found = shutil.which(solver.command)
+        if not found:
+            raise ConfigError(
+                config_file, "solver.command", solver.command, "the path of a CalculiX executable", "command: /usr/bin/ccx"
+            )
+        return Path(found)
+    found = shutil.which("ccx") or (str(LOCAL) if os.access(LOCAL, os.X_OK) else None)
+    if not found:
+        raise SolverNotFoundError(
+            "CalculiX was not found: no ccx on PATH and none in .local/bin. "
+            "`make setup` installs it; or name it in config/config.yaml, for example solver: {command: /usr/bin/ccx}"
+        )
+    return Path(found)
+
+
+def solver_build(command: Path) -> dict[str, str]:
+    """Which build a result comes from: path, version, and a hash of the executable."""
+    said = subprocess.run([command, "-v"], capture_output=True, text=True, timeout=60, check=False)
+    version = re.search(r"Version\s+(\S+)", said.stdout + said.stderr)
+    content = command.resolve().read_bytes()
+    return {
+        "command": str(command),
+        "version": version.group(1) if version else "unknown",
+        "sha256": hashlib.sha256(content).hexdigest()[:16],
+    }
+
+
+@dataclass(frozen=True)
+class Increment:
+    """A line of the .sta file: an accepted increment, or an attempt that was cut back."""
+
+    step: int
+    increment: int
+    attempt: int
+    accepted: bool
+    iterations: int
+    total_time: float
+    step_time: float
+    size: float
+
+
+@dataclass(frozen=True)
+class Run:
+    """How a run of the solver ended.
+
+    ``status`` is ``converged``, ``diverged``, ``timed_out`` or ``crashed``; ``reason`` is empty when it converged.
+    CPU and wall time in s, ``memory`` (peak resident) in MiB.
+    """
+
+    status: str
+    reason: str
+    exit_code: int
+    increments: tuple[Increment, ...]
+    cpu_seconds: float
+    wall_seconds: float
+    memory: float
+
+    @property
+    def accepted(self) -> tuple[Increment, ...]:
+        return tuple(i for i in self.increments if i.accepted)
+
+    @property
+    def iterations(self) -> int:
+        """Newton iterations, those of rejected attempts included."""
+        return sum(i.iterations for i in self.increments)
+
+
+_STA = re.compile(r"^\s*(\d+)\s+(\d+)\s+(\d+)(U?)\s+(\d+)\s+(\S+)\s+(\S+)\s+(\S+)\s*$")
+
+
+def read_sta(path: Path) -> tuple[Increment, ...]:
+    """Increments from a .sta file; lines that are not (yet) complete are left out.
+
+    CalculiX writes the time before a rejected attempt, so ``total_time`` of such a line is where it started from.
+    """
+    if not path.exists():
+        return ()
+    increments = []
+    for line in path.read_text(encoding="ascii", errors="replace").splitlines():
+        if match := _STA.match(line):
+            step, increment, attempt, rejected, iterations, *times = match.groups()
+            try:
+                numbers = [float(t) for t in times]
+            except ValueError:
+                continue
+            increments.append(Increment(int(step), int(increment), int(attempt), not rejected, int(iterations), *numbers))
+    return tuple(increments)
+
+
+def run(folder: Path, command: Path, solver: Solver) -> Run:
+    """Run ``folder/deck.inp`` and judge the outcome; the log goes to ``folder/ccx.log``.
+
+    The solver runs in a process group of its own, which is ended when it exceeds ``time_limit``, makes no Newton
+    iteration for ``stall_limit``, or when this process is interrupted.
+    """
+    log_path = folder / "ccx.log"
+    threads = str(solver.threads)
+    environment = dict(os.environ)
+    for name in ("OMP_NUM_THREADS", "CCX_NPROC_STIFFNESS", "CCX_NPROC_RESULTS", "CCX_NPROC_EQUATION_SOLVER"):
+        environment[name] = threads
+    started, stopped = time.monotonic(), ""
+    with log_path.open("wb") as log:
+        process = subprocess.Popen(
+            [command, JOB],
+            cwd=folder,
+            stdout=log,
+            stderr=subprocess.STDOUT,
+            stdin=subprocess.DEVNULL,
+            env=environment,
+            start_new_session=True,
+        )
+        try:
+            stopped, exit_code, usage = _watch(process, folder, solver, started)
+        except BaseException:
+            _kill(process)
+            raise
+    wall = time.monotonic() - started
+    increments = read_sta(folder / f"{JOB}.sta")
+    status, reason = judge(exit_code, log_path.read_text(encoding="utf-8", errors="replace"), increments, stopped)
+    return Run(status, reason, exit_code, increments, usage.ru_utime + usage.ru_stime, wall, usage.ru_maxrss / 1024)
+
+
+def _watch(process: subprocess.Popen, folder: Path, solver: Solver, started: float):
+    """Wait for the end; returns why it was stopped (or ""), its exit code and its resource usage."""
+    progress, seen_at, stopped = -1, started, ""
+    while True:
+        pid, wait_status, usage = os.wait4(process.pid, os.WNOHANG)
+        if pid:
+            process.returncode = os.waitstatus_to_exitcode(wait_status)
+            return stopped, process.returncode, usage
+        now = time.monotonic()
+        written = sum(p.stat().st_size for p in (folder / f"{JOB}.cvg", folder / f"{JOB}.sta", folder / "ccx.log") if p.exists())
+        if written != progress:
+            progress, seen_at = written, now
+        if not stopped and now - started > 60 * solver.time_limit:
+            stopped = f"stopped after the time limit of {solver.time_limit:g} min"
+        elif not stopped and now - seen_at > 60 * solver.stall_limit:
+            stopped = f"stopped after {solver.stall_limit:g} min without a Newton iteration"
+        if stopped:
+            _signal(process, signal.SIGKILL)
+        time.sleep(_POLL)
+
+
+def _signal(process: subprocess.Popen, number: int) -> None:
+    with contextlib.suppress(ProcessLookupError):
+        os.killpg(process.pid, number)
+
+
+def _kill(process: subprocess.Popen) -> None:
+    _signal(process, signal.SIGKILL)
+    process.wait()
+
+
+def judge(exit_code: int, log: str, increments: tuple[Increment, ...], stopped: str = "") -> tuple[str, str]:
+    """Status and reason of a finished run from its exit code, log and increments (see the module's note)."""
+    if stopped:
+        return "timed_out", stopped
+    errors = re.findall(r"\*ERROR[^\n]*(?:\n[ \t]+\S[^\n]*)?", log)
+    message = " ".join(errors[0].split()) if errors else ""
+    accepted = [i for i in increments if i.accepted]
+    if exit_code < 0:
+        return "crashed", f"ended by signal {-exit_code}"
+    if not accepted:
+        return "crashed", message or f"no increment was accepted (exit code {exit_code})"
+    if exit_code == 0 and not errors and "Job finished" in log:
+        return "converged", ""
+    if exit_code in (0, 201) or "divergence" in log or "too many cutbacks" in log:
+        return "diverged", message or f"exit code {exit_code}"
+    return "crashed", message or f"exit code {exit_code}"

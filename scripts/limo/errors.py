@@ -1,0 +1,26 @@
+"""The errors a user may meet, each one message without a traceback."""
+
+
+class LimoError(Exception):
+    """Base of every error that is the user's to mend."""
+
+
+class ConfigError(LimoError):
+    """A configuration value that cannot be used; names file, key, value, range and an example."""
+
+    def __init__(self, file: object, key: str, value: object, expected: str, example: str):
+        self.file, self.key, self.value = str(file), key, value
+        self.expected, self.example = expected, example
+        super().__init__(f"{file}: {key} = {value!r}: expected {expected}; for example {example}")
+
+
+class MeshError(LimoError):
+    """A flat pattern that gmsh could not turn into valid quadrilaterals."""
+
+
+class SolverNotFoundError(LimoError):
+    """No usable CalculiX executable on this machine."""
+
+
+class ResultError(LimoError):
+    """A result file that is missing, truncated, or not what its name says."""

@@ -1,0 +1,70 @@
+"""Pressure-volume figure: actuation volume, stroke volume and input-output ratio against P_a (paper, Fig. pressure-volume)."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from limo.figures import style
+
+
+def curve_label(case: xr.Dataset, varying: list[str]) -> str:
+    """Name of one case's curve by the axes that vary in its study."""
+    symbols = {
+        "n_pouches": "$N_p$",
+        "ventricular_pressure": "$P_v$",
+        "aspect_ratio": "AR",
+        "stiffness_ratio": r"$\hat E$",
+        "width_scale": "width",
+    }
+    units = {"ventricular_pressure": " kPa"}
+    names = [f"{symbols[d]} = {float(case[d]):g}{units.get(d, '')}" for d in varying or ["n_pouches"]]
+    label = ", ".join(names)
+    status = str(case.case_status.values)
+    return label if status == "converged" else f"{label} ({status})"
+
+
+def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
+    """Three panels over P_a: (a) Delta V_a, (b) stroke volume, (c) ratio, one curve a case, measured points on top."""
+    figure, axes = style.panels(3)
+    dims = [d for d in dataset.case_status.dims]
+    varying = [d for d in dims if dataset.sizes[d] > 1]
+    cases = dataset.stack(case=dims) if dims else dataset.expand_dims("case")
+    panels = (
+        (axes[0], "actuation_volume_change", "Actuation volume change $\\Delta V_a$ [ml]"),
+        (axes[1], "stroke_volume", "Stroke volume $\\Delta V_v$ [ml]"),
+        (axes[2], "io_ratio", "Ratio $\\Delta V_v / \\Delta V_a$ [-]"),
+    )
+    pressure = dataset.actuation_pressure.values
+    for k in range(cases.sizes["case"]):
+        case = cases.isel(case=k)
+        color = style.COLORS[k % len(style.COLORS)]
+        line = "-" if str(case.case_status.values) == "converged" else "--"
+        for axis, name, _ in panels:
+            axis.plot(pressure, case[name], line, color=color, label=curve_label(case, varying))
+    if measured is not None:
+        ratio = measured.stroke_volume / measured.actuation_volume_change.where(measured.actuation_volume_change.abs() > 1.0)
+        measured = measured.assign(io_ratio=ratio)
+        for k, (label, table) in enumerate(measured.groupby("label", sort=False)):
+            for axis, name, _ in panels:
+                axis.plot(
+                    table.actuation_pressure,
+                    table[name],
+                    "o",
+                    ms=2.5,
+                    mfc="none",
+                    color=style.COLORS[k % len(style.COLORS)],
+                    label=f"measured, {label}",
+                )
+    for axis, _, ylabel in panels:
+        axis.set(xlabel="Actuation pressure $P_a$ [kPa]", ylabel=ylabel, xlim=(0, float(pressure.max())))
+    for value in np.unique(dataset.ventricular_pressure.values):
+        axes[0].axvline(value, color="0.6", lw=0.8, ls=":")
+        axes[1].axvline(value, color="0.6", lw=0.8, ls=":")
+    axes[2].axhline(1.0, color="0.5", lw=0.8, ls="--")
+    finite = dataset.io_ratio.values[np.isfinite(dataset.io_ratio.values)]
+    axes[2].set_ylim(0, max(2.0, 1.1 * np.quantile(finite, 0.99)) if len(finite) else 2.0)
+    handles, labels = axes[1].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=min(4, len(labels)))
+    return figure

@@ -1,0 +1,239 @@
+"""From a case and a mesh to its result: volumes at every increment, chosen displacement frames, and a status.
+
+A case that fails is data: whatever was accepted before it failed is kept, with the status and the reason.
+"""
+
+from __future__ import annotations
+
+import logging
+import time
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from limo.case import Case
+from limo.config import Solver
+from limo.deck import StageTime, actuation_pressure_at, write_deck
+from limo.energy import EnergyBalance, conjugate_volumes, ramp_balance, stored_energy
+from limo.engines import calculix
+from limo.errors import ResultError
+from limo.files import write_json, write_whole
+from limo.frd import FrdFile
+from limo.mesh import read_mesh
+from limo.model import Model, build_model
+from limo.volumes import flux_triangles, volumes
+
+log = logging.getLogger(__name__)
+ML = 1.0e-3  # ml in a mm^3
+#: largest displacement, over the device length, that a frame may show and still be believed
+LARGEST_DISPLACEMENT = 3.0
+
+
+def solve_case(case: Case, mesh_file: Path, folder: Path, solver: Solver, command: Path) -> dict:
+    """Solve ``case`` in ``folder/run`` and write ``status.json``, ``volumes.nc`` and ``frames.nc`` into ``folder``.
+
+    Returns the status. The solver's own large files are removed; its deck, log and .sta stay in ``folder/run``.
+    """
+    run_folder = folder / "run"
+    run_folder.mkdir(parents=True, exist_ok=True)
+    for stale in run_folder.iterdir():
+        stale.unlink()
+    python_start = time.process_time()
+    mesh = read_mesh(mesh_file, case.mesh.symmetry)
+    model = build_model(case, mesh)
+    times = write_deck(model, run_folder / f"{calculix.JOB}.inp")
+    prepared = time.process_time() - python_start
+    log.info("%s: %d elements, %d equations or more", case.case_id, len(mesh.quads), 3 * len(model.nodes))
+    outcome = calculix.run(run_folder, command, solver)
+    python_start = time.process_time()
+    history, frames, harvest_error = _harvest(model, times, run_folder, outcome)
+    status, reason = outcome.status, outcome.reason
+    if harvest_error:
+        status, reason = ("crashed" if status == "converged" else status), f"{reason} {harvest_error}".strip()
+    summary = {
+        "case": case.case_id,
+        "status": status,
+        "reason": reason,
+        "actuation_pressure_reached": float(history.actuation_pressure[-1]) if history.sizes["increment"] else 0.0,
+        "increments": len(outcome.accepted),
+        "rejected_attempts": len(outcome.increments) - len(outcome.accepted),
+        "iterations": outcome.iterations,
+        "iterations_by_stage": _iterations_by_stage(outcome, times),
+        "solver": calculix.solver_build(command),
+        "threads": solver.threads,
+        "solver_cpu_seconds": round(outcome.cpu_seconds, 2),
+        "solver_wall_seconds": round(outcome.wall_seconds, 2),
+        "solver_memory_mib": round(outcome.memory, 1),
+        "degrees_of_freedom": 3 * len(model.expansion.nodes),
+        "elements": len(mesh.quads),
+    }
+    summary |= _rest(history, case.numerics.rest_tolerance) | _energy(model, history, frames)
+    summary["python_cpu_seconds"] = round(prepared + time.process_time() - python_start, 2)
+    history.attrs |= {"case": case.case_id, "status": status, "reason": reason}
+    write_whole(folder / "frames.nc", frames.to_netcdf)
+    write_whole(folder / "volumes.nc", history.to_netcdf)
+    write_json(folder / "status.json", summary)
+    for pattern in ("*.frd", "*.dat", "*.12d", "*.eig", "spooles.out"):
+        for large in run_folder.glob(pattern):
+            large.unlink()
+    return summary
+
+
+def _iterations_by_stage(outcome: calculix.Run, times: tuple[StageTime, ...]) -> dict[str, int]:
+    """Newton iterations of each stage by the time at which an increment started, rejected attempts included."""
+    counts = {t.name: 0 for t in times}
+    for increment in outcome.increments:
+        started = increment.total_time - (increment.size if increment.accepted else 0.0)
+        stage = next((t.name for t in times if started < t.end * (1 - 1e-6)), times[-1].name)
+        counts[stage] += increment.iterations
+    return counts
+
+
+def _harvest(
+    model: Model, times: tuple[StageTime, ...], run_folder: Path, outcome: calculix.Run
+) -> tuple[xr.Dataset, xr.Dataset, str]:
+    """Volumes of every frame that belongs to an accepted increment, and the displacements of the chosen ones."""
+    case = model.case
+    accepted = {(i.step, i.increment) for i in outcome.accepted}
+    path = run_folder / f"{calculix.JOB}.frd"
+    rows: list[tuple[float, ...]] = []
+    frames: list[np.ndarray] = []
+    kept: list[tuple[float, float]] = []
+    error = ""
+    if path.exists() and accepted:
+        try:
+            with FrdFile(path) as frd:
+                # a diverged run writes its last, unconverged state too: only increments that .sta accepted count
+                usable = [f for f in frd.frames if (f.step, f.increment) in accepted]
+                for frame in usable:
+                    u = frd.displacements(frame, len(model.nodes))
+                    if not np.isfinite(u).all() or np.abs(u).max() > LARGEST_DISPLACEMENT * case.device.pattern.length:
+                        error = f"displacements beyond {LARGEST_DISPLACEMENT:g} L at {frame.time:g} s"
+                        break
+                    rows.append((frame.time, *_volumes(model, u)))
+                chosen = _nearest_increments(case, times, np.array([r[0] for r in rows]))
+                for wanted, k, pressure in chosen:
+                    u = frd.displacements(usable[k], len(model.nodes))
+                    frames.append(u[: model.reference_start].astype(np.float32))
+                    kept.append((wanted, pressure))
+        except ResultError as problem:
+            error = str(problem)
+    history = _history(case, times, np.array(rows, float).reshape(-1, 7))
+    dataset = xr.Dataset(
+        {
+            "displacement": (
+                ("frame", "node", "axis"),
+                np.array(frames, np.float32).reshape(-1, model.reference_start, 3),
+                {"units": "mm", "long_name": "displacement from the flat state"},
+            )
+        },
+        coords={
+            "requested_pressure": ("frame", [k[0] for k in kept], {"units": "kPa", "long_name": "pressure asked for"}),
+            "actuation_pressure": (
+                "frame",
+                [k[1] for k in kept],
+                {"units": "kPa", "long_name": "actuation pressure of the nearest increment, P_a"},
+            ),
+            "axis": ["x", "y", "z"],
+        },
+        attrs={"case": case.case_id, "symmetry": case.mesh.symmetry},
+    )
+    return history, dataset, error
+
+
+def _volumes(model: Model, u: np.ndarray) -> tuple[float, ...]:
+    """V_v, V_a on the middle surface, with the paper's triangles, and swept by the loaded faces (mm^3)."""
+    mesh = model.mesh
+    if model.is_shell:
+        middle, conjugate = mesh.nodes + u, (np.nan, np.nan)
+    else:
+        middle, conjugate = mesh.nodes + model.expansion.midsurface(u), conjugate_volumes(model, u)
+    return *volumes(mesh, middle), *volumes(mesh, middle, flux_triangles), *conjugate
+
+
+def _nearest_increments(case: Case, times: tuple[StageTime, ...], solver_times: np.ndarray) -> list[tuple[float, int, float]]:
+    """(wanted pressure, index, its pressure) of the increments nearest to the pressures whose frames a case keeps.
+
+    Only the state at rest and the ramp count; pressures beyond what the case reached are left out.
+    """
+    pressure = actuation_pressure_at(times, case.actuation_pressure_max, solver_times)
+    at_rest = np.flatnonzero((solver_times > times[0].end) & (pressure == 0.0))
+    first = at_rest[-1] if len(at_rest) else len(solver_times)
+    candidates = np.arange(first, len(solver_times))
+    chosen = []
+    for wanted in case.frames:
+        if len(candidates) and wanted <= pressure[-1] + 1e-6:
+            k = int(candidates[np.argmin(np.abs(pressure[candidates] - wanted))])
+            chosen.append((wanted, k, float(pressure[k])))
+    return chosen
+
+
+def _history(case: Case, times: tuple[StageTime, ...], table: np.ndarray) -> xr.Dataset:
+    """The volumes of one case over its increments, in ml."""
+    time_now, volumes_ml = table[:, 0], table[:, 1:] * ML
+    stage = np.searchsorted([t.end * (1 + 1e-9) for t in times[:-1]], time_now).astype(np.int8)
+    pressure = actuation_pressure_at(times, case.actuation_pressure_max, time_now)
+    names = {
+        "ventricle_volume": "ventricle volume, V_v",
+        "actuation_volume": "total pouch volume, V_a",
+        "ventricle_volume_triangles": "V_v with the paper's one-point triangles",
+        "actuation_volume_triangles": "V_a with the paper's one-point triangles",
+        "ventricle_volume_conjugate": "volume swept by the faces that P_v loads",
+        "actuation_volume_conjugate": "volume swept by the faces that P_a loads",
+    }
+    data = {n: ("increment", volumes_ml[:, k], {"units": "ml", "long_name": text}) for k, (n, text) in enumerate(names.items())}
+    return xr.Dataset(
+        data,
+        coords={
+            "actuation_pressure": ("increment", pressure, {"units": "kPa", "long_name": "actuation pressure, P_a"}),
+            "stage": (
+                "increment",
+                stage,
+                {"long_name": "stage", "flag_values": np.array([0, 1, 2], np.int8), "flag_meanings": "fit hold ramp"},
+            ),
+            "solver_time": ("increment", time_now, {"units": "s", "long_name": "time on the solver's clock"}),
+        },
+    )
+
+
+def ramp_of(history: xr.Dataset) -> xr.Dataset:
+    """The ramp of a case from its state at rest: the last increment of the hold, and all of the ramp after it."""
+    at_rest = np.flatnonzero(history.stage.values == 1)
+    ramp = np.flatnonzero(history.stage.values == 2)
+    if not len(at_rest):
+        return history.isel(increment=slice(0, 0))
+    return history.isel(increment=np.concatenate([at_rest[-1:], ramp]))
+
+
+def _rest(history: xr.Dataset, tolerance: float) -> dict:
+    """Whether the device rested: relative change of V_v over the second half of the hold."""
+    held = history.isel(increment=history.stage.values == 1)
+    if held.sizes["increment"] < 2:
+        return {"rest_change": None, "rested": False}
+    clock, volume = held.solver_time.values, held.ventricle_volume.values
+    halfway = np.interp(0.5 * (clock[0] + clock[-1]), clock, volume)
+    change = float(abs(volume[-1] - halfway) / max(abs(volume[-1]), 1e-9))
+    return {"rest_change": change, "rested": change <= tolerance}
+
+
+def _energy(model: Model, history: xr.Dataset, frames: xr.Dataset) -> dict:
+    """The energy balance between the first and the last kept frame."""
+    ramp, case = ramp_of(history), model.case
+    if model.is_shell or frames.sizes["frame"] < 2:
+        return {"dissipated_fraction": None}
+    first, last = (float(frames.actuation_pressure[k]) for k in (0, -1))
+    part = ramp.isel(increment=(ramp.actuation_pressure >= first - 1e-9) & (ramp.actuation_pressure <= last + 1e-9))
+    stored = [stored_energy(model, frames.displacement[k].values.astype(float)) for k in (0, -1)]
+    conjugate = np.stack([part.ventricle_volume_conjugate, part.actuation_volume_conjugate], axis=1) / ML
+    balance: EnergyBalance = ramp_balance(
+        part.actuation_pressure.values, case.ventricular_pressure, conjugate, stored[1] - stored[0]
+    )
+    named = {f"{name}_mj": round(value, 4) for name, value in asdict(balance).items()}
+    return named | {
+        "dissipated_mj": round(balance.dissipated, 4),
+        "dissipated_fraction": round(balance.dissipated_fraction, 6),
+        "energy_from_kpa": first,
+        "energy_to_kpa": last,
+    }

@@ -1,0 +1,116 @@
+"""Tables for the terminal: the results of a study, and where the time of its cases went."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from limo.errors import LimoError, ResultError
+from limo.files import read_json
+
+_AXES = {
+    "n_pouches": "N_p",
+    "ventricular_pressure": "P_v [kPa]",
+    "aspect_ratio": "AR",
+    "stiffness_ratio": "E_hat",
+    "width_scale": "width",
+}
+
+
+def study_table(path: Path) -> str:
+    """One line a case: stroke, ratio and the rest at P_a,max, and the paths of the study's figures."""
+    try:
+        with xr.open_dataset(path) as opened:
+            dataset = opened.load()
+    except (OSError, ValueError) as error:
+        raise ResultError(f"{path}: not a study's dataset ({error})") from None
+    dims = list(dataset.case_status.dims)
+    cases = dataset.stack(case=dims)
+    rows = []
+    for k in range(cases.sizes["case"]):
+        case = cases.isel(case=k)
+        reached = float(case.actuation_pressure_reached)
+        at_end = case.sel(actuation_pressure=reached, method="ffill") if np.isfinite(reached) else None
+        rows.append(
+            {text: f"{float(case[name]):g}" for name, text in _AXES.items() if name in dims}
+            | {
+                "P_a [kPa]": f"{reached:.1f}" if at_end is not None else "-",
+                "stroke [ml]": _number(at_end, "stroke_volume", "{:.1f}"),
+                "ratio": _number(at_end, "io_ratio", "{:.2f}"),
+                "eta(90 ml)": _number(case, "efficiency_90ml", "{:.1%}"),
+                "dissipated": _number(case, "dissipated_fraction", "{:.1%}"),
+                "iterations": _number(case, "iterations", "{:.0f}"),
+                "solver CPU [s]": _number(case, "solver_time", "{:.0f}"),
+                "status": str(case.case_status.values),
+            }
+        )
+    lines = [str(dataset.attrs.get("title", path)), pd.DataFrame(rows).to_string(index=False)]
+    for k in range(cases.sizes["case"]):
+        case = cases.isel(case=k)
+        for text in (str(case.case_reason.values), str(case.efficiency_90ml_reason.values)):
+            if text:
+                lines.append(f"  {case.case_id.values}: {text}")
+    figures = sorted((path.parent / "figures").glob("*.p*"))
+    return "\n".join([*lines, *(f"figure: {f}" for f in figures)])
+
+
+def _number(case: xr.Dataset | None, name: str, form: str) -> str:
+    value = float("nan") if case is None else float(case[name])
+    return form.format(value) if np.isfinite(value) else "-"
+
+
+def benchmark_table(results: Path) -> str:
+    """Solver against python time, memory and iterations of every solved case, and the time of a dry run.
+
+    CPU seconds of the processes; the share of python counts the mesh (shared by its cases, counted in full for each),
+    deck, volumes, files, and the start of the interpreter.
+    """
+    rows = []
+    for file in sorted(results.glob("cases/*/status.json")):
+        status = read_json(file)
+        whole = _snakemake_benchmark(results / "benchmarks" / "solve_case" / f"{status['case']}.tsv")
+        solver = status["solver_cpu_seconds"]
+        outside = max(whole - solver, status["python_cpu_seconds"]) if np.isfinite(whole) else status["python_cpu_seconds"]
+        rows.append(
+            {
+                "case": status["case"],
+                "status": status["status"],
+                "dof": status["degrees_of_freedom"],
+                **{f"it. {stage}": count for stage, count in status["iterations_by_stage"].items()},
+                "s/it.": round(solver / max(status["iterations"], 1), 3),
+                "solver [s]": round(solver, 1),
+                "python [s]": round(outside, 1),
+                "python share": f"{outside / max(outside + solver, 1e-9):.1%}",
+                "memory [MiB]": round(status["solver_memory_mib"]),
+            }
+        )
+    if not rows:
+        raise LimoError(f"{results}: no solved cases; `make sweep` makes some")
+    table = pd.DataFrame(rows)
+    total = table["solver [s]"].sum()
+    meshes = [_snakemake_benchmark(f) for f in sorted((results / "benchmarks" / "mesh_device").glob("*.tsv"))]
+    start = time.perf_counter()
+    dry = subprocess.run([sys.executable, "-m", "snakemake", "-n", "--quiet"], capture_output=True, check=False)
+    dry_text = f"{time.perf_counter() - start:.1f} s" if dry.returncode == 0 else "failed"
+    return "\n".join(
+        [
+            table.to_string(index=False),
+            f"solver CPU of all cases: {total:.0f} s; two side by side: at least {total / 120:.1f} min",
+            f"meshing: {', '.join(f'{m:.1f}' for m in meshes) or '-'} s CPU each",
+            f"snakemake -n: {dry_text} wall",
+        ]
+    )
+
+
+def _snakemake_benchmark(file: Path) -> float:
+    """CPU time in s that Snakemake measured for a job, NaN when there is no such file."""
+    try:
+        return float(pd.read_csv(file, sep="\t")["cpu_time"].iloc[-1])
+    except (OSError, ValueError, KeyError):
+        return float("nan")

@@ -1,0 +1,15 @@
+"""Solve one case (rule solve_case). A case that fails writes its status and lets the sweep go on."""
+
+from pathlib import Path
+
+from limo.case import Case
+from limo.config import Solver
+from limo.door import logged
+from limo.solution import solve_case
+
+with logged(snakemake.log[0]) as log:  # noqa: F821
+    case = Case.from_dict(snakemake.params.case)  # noqa: F821
+    solver = Solver.model_validate(snakemake.params.solver)  # noqa: F821
+    folder = Path(snakemake.output.status).parent  # noqa: F821
+    status = solve_case(case, Path(snakemake.input.mesh), folder, solver, Path(snakemake.params.command))  # noqa: F821
+    log.info("%s %s", status["status"], status["reason"])

@@ -1,0 +1,125 @@
+"""What is planned, what is run again, and what a user's mistake says."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import time
+
+import pytest
+
+from .conftest import ROOT, Project, make_project
+
+
+def test_default_configuration_plans_one_solve_and_mesh_a_device(tmp_path):
+    project = Project(tmp_path)
+    shutil.copytree(ROOT / "config", tmp_path / "config")
+    assert project.planned("pressure_volume") == {
+        "mesh_device": 4,
+        "solve_case": 4,
+        "gather_study": 1,
+        "draw_figure": 2,
+        "pressure_volume": 1,
+        "total": 12,
+    }
+
+
+def test_a_new_study_file_is_all_a_new_study_takes(project):
+    text = (project.folder / "config/studies/tiny.yaml").read_text().replace("3.8", "5.0")
+    (project.folder / "config/studies/mine.yaml").write_text(text)
+    assert project.planned("mine")["solve_case"] == 2
+
+
+def test_cases_shared_by_two_studies_are_solved_once(project):
+    shutil.copy(project.folder / "config/studies/tiny.yaml", project.folder / "config/studies/again.yaml")
+    assert project.planned("tiny", "again")["solve_case"] == 2
+
+
+@pytest.mark.parametrize(
+    ("file", "change", "says"),
+    [
+        ("studies/tiny.yaml", lambda d: d["axes"].update(n_pouches=[5]), ("tiny.yaml", "n_pouches", "5", "example")),
+        (
+            "studies/tiny.yaml",
+            lambda d: d.update(actuation_pressure_max=2.0),
+            ("tiny.yaml", "actuation_pressure_max", "2.0", "3.8"),
+        ),
+        ("studies/tiny.yaml", lambda d: d.update(colour="red"), ("tiny.yaml", "colour", "no such key")),
+        (
+            "config.yaml",
+            lambda d: d.update(solver={"command": "/nowhere/ccx"}),
+            ("config.yaml", "solver.command", "/nowhere/ccx"),
+        ),
+        (
+            "devices/limo.yaml",
+            lambda d: d["pattern"]["seams"]["fractions"].update({8: [0.0, 2.5]}),
+            ("limo.yaml", "seams", "example"),
+        ),
+    ],
+)
+def test_a_mistake_in_the_configuration_is_one_message_before_anything_runs(project, file, change, says):
+    project.edit(file, change)
+    done = project.snakemake()
+    output = done.stdout + done.stderr
+    assert done.returncode != 0
+    assert "Traceback" not in output
+    for word in says:
+        assert word in output
+    assert not (project.folder / "results").exists()
+
+
+def test_a_missing_solver_is_one_message(project, monkeypatch):
+    keep = [p for p in os.environ["PATH"].split(os.pathsep) if not os.path.exists(os.path.join(p, "ccx"))]
+    monkeypatch.setenv("PATH", os.pathsep.join(keep))
+    if (ROOT / ".local/bin/ccx").exists():
+        pytest.skip("a solver was unpacked into the project itself")
+    done = project.snakemake("-n")
+    assert done.returncode != 0
+    assert "CalculiX was not found" in done.stdout + done.stderr
+    assert "Traceback" not in done.stdout + done.stderr
+
+
+def test_nothing_is_solved_again_without_a_reason(solved, tmp_path):
+    assert solved.planned() == {}
+    study = solved.folder / "config/studies/tiny.yaml"
+    study.write_text("# a comment\n" + study.read_text())
+    assert solved.planned() == {}
+
+
+def test_another_ventricular_pressure_solves_that_case_on_the_same_mesh(solved, tmp_path):
+    project = Project(tmp_path / "copy")
+    shutil.copytree(solved.folder, project.folder, symlinks=True)
+    project.edit("studies/tiny.yaml", lambda d: d["axes"].update(n_pouches=[4], ventricular_pressure=[4.8]))
+    planned = project.planned()
+    assert planned["solve_case"] == 1
+    assert "mesh_device" not in planned
+
+
+def test_another_mesh_level_makes_new_meshes_and_cases(solved, tmp_path):
+    project = Project(tmp_path / "copy")
+    shutil.copytree(solved.folder, project.folder, symlinks=True)
+    project.edit("config.yaml", lambda d: d["mesh_levels"]["tiny"].update(degrees_of_freedom=3500))
+    planned = project.planned()
+    assert planned["mesh_device"] == 2
+    assert planned["solve_case"] == 2
+
+
+def test_a_change_of_style_draws_the_figures_again_and_nothing_else(solved, tmp_path):
+    # the workflow itself is copied: touching the project's own style would race with other runs
+    workflow = tmp_path / "workflow"
+    shutil.copytree(
+        ROOT, workflow, symlinks=True, ignore=shutil.ignore_patterns(".venv", ".git", "results", ".snakemake", ".local")
+    )
+    project = Project(tmp_path / "copy")
+    shutil.copytree(solved.folder, project.folder, symlinks=True)
+    snakefile = str(workflow / "Snakefile")
+    first = project.snakemake("--snakefile", snakefile)
+    assert first.returncode == 0, first.stderr
+    time.sleep(1.1)
+    os.utime(workflow / "scripts/limo/figures/style.py")
+    planned = project.planned("--snakefile", snakefile)
+    assert set(planned) == {"draw_figure", "all", "total"}
+
+
+def test_the_unsolved_project_is_valid(tmp_path):
+    assert make_project(tmp_path).planned()["solve_case"] == 2

@@ -1,0 +1,20 @@
+rule draw_figure:
+    message:
+        "Draw {wildcards.figure} of {wildcards.study} as {wildcards.kind}"
+    input:
+        dataset="results/studies/{study}/study.nc",
+        measured=lambda wildcards: LOADED.studies[wildcards.study].measured or [],
+        style=f"{workflow.basedir}/scripts/limo/figures/style.py",
+        source=f"{workflow.basedir}/scripts/limo/figures/{{figure}}.py",
+    output:
+        report(
+            "results/studies/{study}/figures/{figure}.{kind}",
+            caption="../report/{figure}.rst",
+            category="{study}",
+        ),
+    log:
+        "results/logs/draw_figure/{study}_{figure}_{kind}.log",
+    conda:
+        "../envs/limo.yaml"
+    script:
+        "../../scripts/draw_figure.py"
