@@ -45,10 +45,10 @@ for name in STUDIES:
     rule:
         name:
             name
-        message:
-            f"Study {name}"
         input:
             study_targets(name),
+        message:
+            f"Study {name}"
 
 
 rule all:

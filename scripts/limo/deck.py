@@ -149,7 +149,9 @@ def _step(model: Model, numerics: Numerics, times: tuple[StageTime, ...]) -> lis
     """
     fit, _, ramp = times
     largest = numerics.largest_increment / model.case.actuation_pressure_max * ramp.duration
-    limits = (numerics.first_increment * fit.duration, ramp.end, numerics.smallest_increment * fit.duration, largest)
+    # CalculiX calls a first increment below a millionth of the step an error
+    first = max(numerics.first_increment * fit.duration, 2e-6 * ramp.end)
+    limits = (first, ramp.end, min(first, numerics.smallest_increment * fit.duration), largest)
     lines = ["*STEP, NLGEOM, INC=1000000", f"*DYNAMIC, ALPHA={numerics.hht_alpha:.10f}", ", ".join(map(_number, limits))]
     lines += [*_controls(numerics.controls), "*BOUNDARY, AMPLITUDE=FITTING"]
     lines += [f"{n + 1}, {d + 1}, {d + 1}, {_number(u)}" for (n, d), u in model.prescribed.items()]

@@ -19,7 +19,8 @@ from limo.geometry import FlatPattern, flat_pattern
 
 GOOD_SHAPE = 0.30  # smallest Jacobian over its mean within an element
 GOOD_COUNT = 0.06  # miss of the wanted degrees of freedom that is accepted
-SIZE_CHANGES = tuple(1.0 + 0.012 * k * s for k in range(16) for s in ((1, -1) if k else (1,)))  # nearest first
+SIZE_CHANGES = tuple(1.0 + 0.015 * k * s for k in range(14) for s in ((1, -1) if k else (1,)))  # nearest first
+STRATEGIES = ((8, 0), (6, 0), (8, 1), (5, 0))
 LAYERS = ("wall", "endo", "epi")
 FACES = ("front", "back")
 
@@ -90,11 +91,11 @@ class DeviceMesh:
 # gmsh
 
 
-def mesh_pattern(pattern: FlatPattern, size: float, grading: float, algorithm: int = 8) -> FlatMesh:
+def mesh_pattern(pattern: FlatPattern, size: float, grading: float, strategy: tuple[int, int] = (8, 0)) -> FlatMesh:
     """All-quadrilateral second-order mesh of a flat pattern.
 
-    ``size`` is the edge length in mm away from seams and edges, ``grading`` times that on them; ``algorithm`` is gmsh's
-    (8 frontal for quadrilaterals, 6 frontal Delaunay). A mesh of twice the size is recombined and every element split,
+    ``size`` is the edge length in mm away from seams and edges, ``grading`` times that on them; ``strategy`` is gmsh's
+    algorithm (8 frontal for quadrilaterals, 6 frontal Delaunay, 5 Delaunay) and recombination (0 simple, 1 blossom). A mesh of twice the size is recombined and every element split,
     which leaves quadrilaterals only. Raises ``MeshError`` when gmsh fails; folded elements are the caller's to judge.
     """
     import gmsh
@@ -107,9 +108,9 @@ def mesh_pattern(pattern: FlatPattern, size: float, grading: float, algorithm: i
             "Mesh.MeshSizeExtendFromBoundary": 0,
             "Mesh.MeshSizeFromPoints": 0,
             "Mesh.MeshSizeFromCurvature": 0,
-            "Mesh.Algorithm": algorithm,
+            "Mesh.Algorithm": strategy[0],
             "Mesh.RecombineAll": 1,
-            "Mesh.RecombinationAlgorithm": 0,
+            "Mesh.RecombinationAlgorithm": strategy[1],
             "Mesh.SubdivisionAlgorithm": 1,
             "Mesh.SecondOrderIncomplete": 1,
             "Mesh.RandomSeed": 1,
@@ -228,7 +229,7 @@ def smallest_jacobian(nodes: np.ndarray, quads: np.ndarray) -> np.ndarray:
 def mesh_to_target(pattern: FlatPattern, degrees_of_freedom: int, grading: float) -> FlatMesh:
     """A well-shaped mesh whose full device has about the wanted number of degrees of freedom (within 6 %).
 
-    The size follows from the area; among a fixed list of changes of size and of gmsh's algorithms the first mesh is taken
+    The size follows from the area; among a fixed list of changes of size and of gmsh's strategies the first mesh is taken
     whose count and worst element are good enough, else the best of them.
     Raises ``MeshError`` when every one of them has a folded element.
     """
@@ -237,8 +238,8 @@ def mesh_to_target(pattern: FlatPattern, degrees_of_freedom: int, grading: float
     size = np.sqrt(21.0 * area / wanted) / (0.5 + 0.5 * grading)
     best, best_score = None, -np.inf
     for change in SIZE_CHANGES:
-        for algorithm in (8, 6):
-            mesh = mesh_pattern(pattern, size * change, grading, algorithm)
+        for strategy in STRATEGIES:
+            mesh = mesh_pattern(pattern, size * change, grading, strategy)
             shape = smallest_jacobian(mesh.nodes, mesh.quads).min()
             miss = abs(degrees_of_freedom_of(layered(mesh, pattern, "quarter")) / wanted - 1)
             score = min(shape, GOOD_SHAPE) - max(miss - GOOD_COUNT, 0.0)

@@ -6,5 +6,7 @@ def study_results(name):
 
 def study_targets(name):
     """Dataset and figures of a study."""
-    figures = expand("results/studies/{study}/figures/{figure}.{kind}", study=name, figure=LOADED.studies[name].figures, kind=["png", "pdf"])
+    figures = expand(
+        "results/studies/{study}/figures/{figure}.{kind}", study=name, figure=LOADED.studies[name].figures, kind=["png", "pdf"]
+    )
     return [f"results/studies/{name}/study.nc", *figures]

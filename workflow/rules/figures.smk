@@ -1,6 +1,4 @@
 rule draw_figure:
-    message:
-        "Draw {wildcards.figure} of {wildcards.study} as {wildcards.kind}"
     input:
         dataset="results/studies/{study}/study.nc",
         measured=lambda wildcards: LOADED.studies[wildcards.study].measured or [],
@@ -16,5 +14,7 @@ rule draw_figure:
         "results/logs/draw_figure/{study}_{figure}_{kind}.log",
     conda:
         "../envs/limo.yaml"
+    message:
+        "Draw {wildcards.figure} of {wildcards.study} as {wildcards.kind}"
     script:
         "../../scripts/draw_figure.py"

@@ -1,23 +1,23 @@
 rule solve_case:
-    message:
-        "Solve {wildcards.case}"
     input:
         mesh=lambda wildcards: f"results/meshes/{CASES[wildcards.case].mesh_id}.vtu",
     output:
         status="results/cases/{case}/status.json",
         volumes="results/cases/{case}/volumes.nc",
         frames="results/cases/{case}/frames.nc",
+    log:
+        "results/logs/solve_case/{case}.log",
+    benchmark:
+        "results/benchmarks/solve_case/{case}.tsv"
+    conda:
+        "../envs/limo.yaml"
+    threads: LOADED.config.solver.threads
     params:
         case=lambda wildcards: CASES[wildcards.case].to_dict(),
         solver=LOADED.config.solver.model_dump(mode="json"),
         command=str(CCX),
         code=code_digest(SOLVE_CODE),
-    log:
-        "results/logs/solve_case/{case}.log",
-    benchmark:
-        "results/benchmarks/solve_case/{case}.tsv"
-    threads: LOADED.config.solver.threads
-    conda:
-        "../envs/limo.yaml"
+    message:
+        "Solve {wildcards.case}"
     script:
         "../../scripts/solve_case.py"

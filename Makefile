@@ -1,0 +1,57 @@
+# Entry points of the project; `make help` lists them.
+# Variables: CORES (cores of a sweep), PYTHON (the Python that .venv is made with).
+
+SHELL := bash
+.DEFAULT_GOAL := help
+CORES ?= 2
+BIN := .venv/bin
+STAMP := .local/setup.done
+export PATH := $(CURDIR)/$(BIN):$(PATH)
+
+# Set-up is redone when its inputs are newer than the stamp, or when .venv was removed.
+ABSENT := $(if $(wildcard $(BIN)/limo),,absent)
+
+.PHONY: help setup sweep test lint format benchmark schemas lock clean-setup absent
+
+help: ## list the targets
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+
+setup: $(STAMP) ## make .venv, install the locked packages and CalculiX
+
+$(STAMP): pyproject.toml requirements.lock scripts/setup.sh $(ABSENT)
+	@bash scripts/setup.sh
+	@mkdir -p $(@D) && touch $@
+
+sweep: setup ## solve the pressure-volume study, print its table and draw its figure
+	OMP_NUM_THREADS=1 $(BIN)/snakemake --cores $(CORES) pressure_volume
+	@$(BIN)/limo table results/studies/pressure_volume/study.nc
+
+test: setup lint ## lint, then run every test
+	@$(BIN)/pytest
+
+lint: setup ## check style of Python and Snakemake files
+	@$(BIN)/ruff check .
+	@$(BIN)/ruff format --check .
+	@$(BIN)/snakefmt --check Snakefile workflow
+	@$(BIN)/snakemake --lint
+
+format: setup ## format Python and Snakemake files in place
+	@$(BIN)/ruff check --fix .
+	@$(BIN)/ruff format .
+	@$(BIN)/snakefmt Snakefile workflow
+
+benchmark: setup ## print where the time of the solved cases went
+	@$(BIN)/limo benchmark
+
+schemas: setup ## write the schemas of the configuration files
+	@$(BIN)/python -m limo.config workflow/schemas
+
+lock: ## write requirements.lock anew from pyproject.toml (delete it first to renew every pin)
+	@$${PYTHON:-python3} -m venv --clear .local/lock
+	@.local/lock/bin/python -m pip install --quiet --disable-pip-version-check uv
+	@.local/lock/bin/uv pip compile --quiet --universal --generate-hashes --python-version 3.11 --extra dev \
+		--no-annotate --no-emit-index-url --custom-compile-command 'make lock' --output-file requirements.lock pyproject.toml
+	@rm -rf .local/lock
+
+clean-setup: ## remove what `make setup` made in this folder
+	rm -rf .venv .local

