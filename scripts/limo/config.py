@@ -7,10 +7,10 @@ these models (``python -m limo.config``), never written by hand.
 
 from __future__ import annotations
 
-import itertools
 import json
 import re
 import sys
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -30,6 +30,15 @@ class Section(BaseModel):
     """A part of the configuration: unknown keys are refused, values are immutable."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    @field_validator("*", mode="before")
+    @classmethod
+    def _no_truth_values(cls, value: Any) -> Any:
+        """No key of the configuration is yes or no, and ``True`` must not pass for 1."""
+        for item in value if isinstance(value, list) else [value]:
+            if isinstance(item, bool):
+                raise ValueError("a number or text, not yes or no")
+        return value
 
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -86,6 +95,15 @@ class Seams(Section):
         examples=[{8: [0.0, 1.0]}],
     )
 
+    @field_validator("reference")
+    @classmethod
+    def _upwards(cls, points: list[Point]) -> list[Point]:
+        if any(p == q for p, q in pairwise(points)):
+            raise ValueError("no point twice in a row")
+        if points[0][1] >= points[-1][1]:
+            raise ValueError("points from the lower border of the array to the upper")
+        return points
+
     @field_validator("fractions")
     @classmethod
     def _count_and_order(cls, fractions: dict[int, list[float]]) -> dict[int, list[float]]:
@@ -136,14 +154,31 @@ class Pattern(Section):
     @field_validator("outline", "pouch_array")
     @classmethod
     def _chained(cls, curves: list[list[Point]]) -> list[list[Point]]:
-        for before, after in itertools.pairwise(curves):
+        for before, after in pairwise(curves):
             if before[-1] != after[0]:
                 raise ValueError(f"curves that meet end to start: {before[-1]} and {after[0]} differ")
         for curve in curves:
-            if any(p == q for p, q in itertools.pairwise(curve)):
+            if any(p == q for p, q in pairwise(curve)):
                 raise ValueError("no point twice in a row")
         if curves[-1][-1][0] != 0:
             raise ValueError("a last point on the axis x = 0")
+        return curves
+
+    @field_validator("outline")
+    @classmethod
+    def _from_valve_to_apex(cls, curves: list[list[Point]]) -> list[list[Point]]:
+        if curves[0][0][1] != 0 or curves[0][0][0] == 0:
+            raise ValueError("a first point on the valve edge (x > 0, y = 0)")
+        if curves[-1][-1][1] <= 0:
+            raise ValueError("a last point at the apex (0, y) with y > 0")
+        return curves
+
+    @field_validator("pouch_array")
+    @classmethod
+    def _from_below_to_above(cls, curves: list[list[Point]]) -> list[list[Point]]:
+        low, high = curves[0][0], curves[-1][-1]
+        if low[0] != 0 or not 0 < low[1] < high[1]:
+            raise ValueError("a first point (0, y_bottom) off the valve edge and a last point (0, y_top) above it")
         return curves
 
 
@@ -449,41 +484,35 @@ def parse(model: type[Section], data: dict[str, Any], path: Path) -> Any:
 
 def _explain(model: type[Section], error: ValidationError, path: Path) -> ConfigError:
     """One message for the first mistake pydantic found."""
-    first = error.errors()[0]
-    location = [str(p) for p in first["loc"]]
-    field, keys, owner = None, [], model
-    for part in location:
+    errors = error.errors()
+    # of the branches of a union, the one that got furthest into the value says most
+    first = max((e for e in errors if e["loc"][:1] == errors[0]["loc"][:1]), key=lambda e: len(e["loc"]))
+    owner, field, name, keys = model, None, "", []
+    for part in map(str, first["loc"]):
         fields = getattr(owner, "model_fields", {})
         if part in fields:
-            field = fields[part]
-            inner = [t for t in _models(field.annotation)]
-            owner = inner[0] if inner else None
-            keys.append(part)
-        elif first["type"] == "extra_forbidden" or (re.fullmatch(r"[\w.+-]+", part) and part not in ("float", "str", "int")):
-            keys.append(part)
-    key = ".".join(k for k in keys if not k.startswith(("dict[", "constrained", "function-", "list["))) or "(file)"
-    message = first["msg"].removeprefix("Value error, ").removeprefix("Input should be ")
-    value = first["input"]
+            field, name = fields[part], part
+            owner = next(iter(_models(field.annotation)), None)
+        elif first["type"] != "extra_forbidden" and _UNION_BRANCH.match(part):
+            continue
+        keys.append(part)
+    key, value = ".".join(keys) or "(file)", first["input"]
     if isinstance(value, dict) and len(value) > 4:
         value = "{" + ", ".join(map(str, value)) + "}"
     if first["type"] == "extra_forbidden":
         known = ", ".join(sorted(getattr(owner or model, "model_fields", {})))
         return ConfigError(path, key, value, f"no such key; known here: {known}", "see config/README.md")
+    message = first["msg"].removeprefix("Value error, ").removeprefix("Input should be ")
     if first["type"] == "missing":
         message, value = "a value (the key is missing)", None
-    expected = message if field is None or not field.description else f"{message} ({field.description})"
-    example = json.dumps(field.examples[0]) if field is not None and field.examples else "see config/README.md"
-    return ConfigError(
-        path,
-        key,
-        value,
-        expected,
-        f"{keys[0] if keys and field is None else location[-1] if not field else _last(keys)}: {example}",
-    )
+    if field is None or not field.examples:
+        return ConfigError(path, key, value, message, "see config/README.md")
+    expected = f"{message} ({field.description})" if field.description else message
+    return ConfigError(path, key, value, expected, f"{name}: {json.dumps(field.examples[0])}")
 
 
-def _last(keys: list[str]) -> str:
-    return next((k for k in reversed(keys) if not k.isdigit()), "key")
+# what pydantic calls the branches of a union, and validators, in the place of a mistake
+_UNION_BRANCH = re.compile(r"^(float|str|int|dict\[.*|list\[.*|tuple\[.*|constrained-\w+|function-\w+.*)$")
 
 
 def _models(annotation: Any) -> list[type[Section]]:
@@ -517,7 +546,8 @@ def load_config(path: str | Path = "config/config.yaml") -> Loaded:
     loaded = Loaded(config, devices, studies, files)
     for name in config.studies:
         if name not in studies:
-            raise ConfigError(path, "studies", name, f"a study in {path.parent}/studies: {', '.join(studies)}", "pressure_volume")
+            names = ", ".join(studies)
+            raise ConfigError(path, "studies", name, f"a study in {path.parent}/studies: {names}", "studies: [pressure_volume]")
     _check_names(path, "mesh.level", config.mesh.level, config.mesh_levels)
     _check_names(path, "numerics", config.numerics, config.numerics_presets)
     for name, study in studies.items():
@@ -525,10 +555,13 @@ def load_config(path: str | Path = "config/config.yaml") -> Loaded:
     return loaded
 
 
-def _check_names(path: Path, key: str, value: str, known: dict[str, Any]) -> None:
+def _check_names(path: Path, key: str, value: str, known: dict[str, Any], *, listed: bool = False) -> None:
+    """``value`` of a key (``listed``: one of several) must be a name in ``known``."""
     if value not in known:
         names = ", ".join(known)
-        raise ConfigError(path, key, value, f"one of: {names}", f"{key}: {next(iter(known), '')}")
+        section, _, last = key.rpartition(".")
+        example = f"{last}: {[next(iter(known))] if listed else next(iter(known))}".replace("'", "")
+        raise ConfigError(path, key, value, f"one of: {names}", f"{section}: {{{example}}}" if section else example)
 
 
 def _check_study(loaded: Loaded, path: Path, study: Study) -> None:
@@ -541,7 +574,7 @@ def _check_study(loaded: Loaded, path: Path, study: Study) -> None:
         _check_names(path, "numerics", study.numerics, loaded.config.numerics_presets)
     _check_names(path, "mesh.level", loaded.mesh_of(study).level, loaded.config.mesh_levels)
     for figure in study.figures:
-        _check_names(path, "figures", figure, dict.fromkeys(FIGURES))
+        _check_names(path, "figures", figure, dict.fromkeys(FIGURES), listed=True)
     if study.measured and not Path(study.measured).is_file():
         raise ConfigError(path, "measured", study.measured, "a readable CSV file", "measured: config/measured/arfaee2025.csv")
     for pressure in study.axes.ventricular_pressure:

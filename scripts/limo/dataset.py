@@ -80,6 +80,8 @@ def curves(history: xr.Dataset, ventricular_pressure: float, pressures: np.ndarr
         "stroke_volume": stroke,
         "actuation_volume_change": change,
     }
+    # the solver's clock is rounded: an end a hair short of a wanted pressure is that pressure
+    pressures = np.where(np.isclose(pressures, pressure[-1], rtol=1e-6, atol=1e-6), pressure[-1], pressures)
     for name, values in at.items():
         result[name] = np.interp(pressures, pressure, values, right=np.nan)
     result["io_ratio"] = io_ratio(result["stroke_volume"], result["actuation_volume_change"])

@@ -14,6 +14,7 @@ import numpy as np
 
 from limo.errors import ResultError
 
+_HEADER = 300  # bytes that the headers of a frame take at least
 _FORMATS = {b"2": np.dtype("<f4"), b"3": np.dtype("<f8")}
 
 
@@ -55,6 +56,8 @@ class FrdFile:
             line = self._line(start)
             frame = self._line(start + len(line) + 1)
             field = self._data.find(b"\n -4  DISP", start)
+            if field < 0 or size - start < _HEADER:
+                return
             try:
                 increment, step = int(line[36:48]), int(line[48:60])
                 time, count = float(frame[12:24]), int(frame[24:36])
@@ -67,7 +70,7 @@ class FrdFile:
                 offset += len(self._line(offset)) + 1
             record = np.dtype([("node", "<i4"), ("u", real, 3)])
             position = offset + count * record.itemsize
-            if count <= 0 or field < 0 or position > size:
+            if count <= 0 or position > size:
                 return
             self.frames.append(Frame(time, step, increment, offset, count, record))
 

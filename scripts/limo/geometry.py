@@ -269,7 +269,12 @@ def _check(source: object, n_pouches: int, outline: np.ndarray, array: np.ndarra
     for k, line in enumerate(lines):
         ends = [block.exterior.distance(Point(line.coords[i])) for i in (0, -1)]
         inside = LineString(line.coords[1:-1])
-        if max(ends) > 1.0 or not block.buffer(SNAP).contains(inside) or block.exterior.distance(inside.centroid) < 0.5:
+        if (
+            not line.is_simple
+            or max(ends) > 1.0
+            or not block.buffer(SNAP).contains(inside)
+            or block.exterior.distance(inside.centroid) < 0.5
+        ):
             raise ConfigError(
                 source,
                 key,

@@ -20,6 +20,7 @@ from limo.geometry import FlatPattern, flat_pattern
 GOOD_SHAPE = 0.30  # smallest Jacobian over its mean within an element
 GOOD_COUNT = 0.06  # miss of the wanted degrees of freedom that is accepted
 SIZE_CHANGES = tuple(1.0 + 0.015 * k * s for k in range(14) for s in ((1, -1) if k else (1,)))  # nearest first
+SMALLER = (0.7, 0.5, 0.35)  # when seams are too close for elements of the wanted size
 STRATEGIES = ((8, 0), (6, 0), (8, 1), (5, 0))
 LAYERS = ("wall", "endo", "epi")
 FACES = ("front", "back")
@@ -95,8 +96,9 @@ def mesh_pattern(pattern: FlatPattern, size: float, grading: float, strategy: tu
     """All-quadrilateral second-order mesh of a flat pattern.
 
     ``size`` is the edge length in mm away from seams and edges, ``grading`` times that on them; ``strategy`` is gmsh's
-    algorithm (8 frontal for quadrilaterals, 6 frontal Delaunay, 5 Delaunay) and recombination (0 simple, 1 blossom). A mesh of twice the size is recombined and every element split,
-    which leaves quadrilaterals only. Raises ``MeshError`` when gmsh fails; folded elements are the caller's to judge.
+    algorithm (8 frontal for quadrilaterals, 6 frontal Delaunay, 5 Delaunay) and recombination (0 simple, 1 blossom). A
+    mesh of twice the size is recombined and every element split, which leaves quadrilaterals only. Raises ``MeshError``
+    when gmsh fails; folded elements are the caller's to judge.
     """
     import gmsh
 
@@ -229,19 +231,27 @@ def smallest_jacobian(nodes: np.ndarray, quads: np.ndarray) -> np.ndarray:
 def mesh_to_target(pattern: FlatPattern, degrees_of_freedom: int, grading: float) -> FlatMesh:
     """A well-shaped mesh whose full device has about the wanted number of degrees of freedom (within 6 %).
 
-    The size follows from the area; among a fixed list of changes of size and of gmsh's strategies the first mesh is taken
-    whose count and worst element are good enough, else the best of them.
+    The size follows from the area, then from the counts of three trials; among a fixed list of changes of size and of
+    gmsh's strategies the first mesh is taken whose count and worst element are good enough, else the best of them.
     Raises ``MeshError`` when every one of them has a folded element.
     """
+
+    def count(mesh: FlatMesh) -> int:
+        return degrees_of_freedom_of(layered(mesh, pattern, "quarter"))
+
     area = sum(pattern.polygon(r).area * (1 if r.pouch < 0 else 2) for r in pattern.regions)
     wanted = degrees_of_freedom / 4
-    size = np.sqrt(21.0 * area / wanted) / (0.5 + 0.5 * grading)
+    size = guess = np.sqrt(21.0 * area / wanted) / (0.5 + 0.5 * grading)
+    for _ in range(3):  # a count that short curves hold up must not drive the size beyond all bounds
+        size = min(size * np.sqrt(count(mesh_pattern(pattern, size, grading)) / wanted), 1.5 * guess)
     best, best_score = None, -np.inf
-    for change in SIZE_CHANGES:
+    for change in (*SIZE_CHANGES, *SMALLER):
+        if change in SMALLER and best is not None:
+            break
         for strategy in STRATEGIES:
             mesh = mesh_pattern(pattern, size * change, grading, strategy)
             shape = smallest_jacobian(mesh.nodes, mesh.quads).min()
-            miss = abs(degrees_of_freedom_of(layered(mesh, pattern, "quarter")) / wanted - 1)
+            miss = abs(count(mesh) / wanted - 1)
             score = min(shape, GOOD_SHAPE) - max(miss - GOOD_COUNT, 0.0)
             if shape > 0 and score > best_score:
                 best, best_score = mesh, score
@@ -356,10 +366,14 @@ def read_mesh(path: Path, symmetry: str) -> DeviceMesh:
     """Read what ``write_mesh`` wrote. Raises ``ResultError`` for anything else."""
     try:
         data = meshio.read(path)
+        if [b.type for b in data.cells] != ["quad8"]:
+            raise ResultError(f"{path}: not a device mesh (cells: {', '.join(b.type for b in data.cells)})")
         block, cells = data.cells[0], {k: v[0] for k, v in data.cell_data.items()}
         masks = {k: data.point_data[k].astype(bool) for k in _MASKS}
         return DeviceMesh(
             data.points, block.data.astype(np.int64), cells["layer"], cells["face"], cells["pouch"], symmetry=symmetry, **masks
         )
+    except ResultError:
+        raise
     except (Exception, SystemExit) as error:  # meshio leaves through sys.exit on some damage
         raise ResultError(f"{path}: not a device mesh ({error})") from error

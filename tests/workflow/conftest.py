@@ -57,7 +57,7 @@ class Project:
 
     def planned(self, *arguments: str) -> dict[str, int]:
         """Jobs of a dry run by rule."""
-        done = self.snakemake("-n", "--quiet", "reason", *arguments)
+        done = self.snakemake(*arguments, "-n", "--quiet", "rules")
         assert done.returncode == 0, done.stdout + done.stderr
         jobs, inside = {}, False
         for line in (done.stdout + done.stderr).splitlines():

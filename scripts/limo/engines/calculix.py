@@ -8,13 +8,16 @@ last accepted increment (.sta) is at the end of the last step.
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import hashlib
 import os
 import re
 import shutil
 import signal
 import subprocess
+import threading
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -23,6 +26,7 @@ from limo.errors import ConfigError, SolverNotFoundError
 
 JOB = "deck"
 LOCAL = Path(__file__).parents[3] / ".local" / "bin" / "ccx"
+_PR_SET_PDEATHSIG = 1
 _POLL = 0.5  # s between looks at a running solver
 
 
@@ -37,14 +41,14 @@ def find_ccx(solver: Solver, config_file: str = "config/config.yaml") -> Path:
             raise ConfigError(
                 config_file, "solver.command", solver.command, "the path of a CalculiX executable", "command: /usr/bin/ccx"
             )
-        return Path(found)
+        return Path(found).absolute()
     found = shutil.which("ccx") or (str(LOCAL) if os.access(LOCAL, os.X_OK) else None)
     if not found:
         raise SolverNotFoundError(
             "CalculiX was not found: no ccx on PATH and none in .local/bin. "
             "`make setup` installs it; or name it in config/config.yaml, for example solver: {command: /usr/bin/ccx}"
         )
-    return Path(found)
+    return Path(found).absolute()
 
 
 def solver_build(command: Path) -> dict[str, str]:
@@ -110,7 +114,8 @@ def read_sta(path: Path) -> tuple[Increment, ...]:
     if not path.exists():
         return ()
     increments = []
-    for line in path.read_text(encoding="ascii", errors="replace").splitlines():
+    text = path.read_text(encoding="ascii", errors="replace")
+    for line in text[: text.rfind("\n") + 1].splitlines():
         if match := _STA.match(line):
             step, increment, attempt, rejected, iterations, *times = match.groups()
             try:
@@ -142,9 +147,11 @@ def run(folder: Path, command: Path, solver: Solver) -> Run:
             stdin=subprocess.DEVNULL,
             env=environment,
             start_new_session=True,
+            preexec_fn=_die_with_parent,
         )
         try:
-            stopped, exit_code, usage = _watch(process, folder, solver, started)
+            with _interruptible():
+                stopped, exit_code, usage = _watch(process, folder, solver, started)
         except BaseException:
             _kill(process)
             raise
@@ -173,6 +180,28 @@ def _watch(process: subprocess.Popen, folder: Path, solver: Solver, started: flo
         if stopped:
             _signal(process, signal.SIGKILL)
         time.sleep(_POLL)
+
+
+@contextlib.contextmanager
+def _interruptible() -> Iterator[None]:
+    """Let SIGTERM end the block like Ctrl-C does, so that the solver is ended with it (main thread only)."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def stop(number: int, _frame: object) -> None:
+        raise SystemExit(128 + number)
+
+    before = signal.signal(signal.SIGTERM, stop)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def _die_with_parent() -> None:
+    """In the child: ask the kernel to end the solver when its watcher ends, however that happens."""
+    ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
 
 
 def _signal(process: subprocess.Popen, number: int) -> None:

@@ -1,0 +1,221 @@
+"""Finding CalculiX, running it under watch, and judging how a run ended; with small scripts in its place."""
+
+import contextlib
+import itertools
+import os
+import select
+import signal
+import subprocess
+import sys
+
+import pytest
+
+from limo.config import Solver
+from limo.engines import calculix
+from limo.engines.calculix import Increment, find_ccx, judge, read_sta, run, solver_build
+from limo.errors import ConfigError, SolverNotFoundError
+
+STA = """SUMMARY OF JOB INFORMATION
+  STEP      INC     ATT  ITRS     TOT TIME     STEP TIME      INC TIME
+     1          1     1     2  0.500000E+00  0.500000E+00  0.500000E+00
+"""
+
+
+@pytest.fixture
+def solver_script(tmp_path, monkeypatch):
+    """``solver_script(lines)``: an executable shell script that stands for ccx, watched closely."""
+    monkeypatch.setattr(calculix, "_POLL", 0.01)
+
+    def make(lines, name="ccx"):
+        path = tmp_path / name
+        path.write_text(f"#!/bin/sh\n{lines}\n")
+        path.chmod(0o755)
+        return path
+
+    return make
+
+
+def accept_one_increment(extra=""):
+    return f"cat > deck.sta <<'end'\n{STA}end\n{extra}"
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# the .sta file
+
+
+def test_sta_lines_of_a_real_run_are_read_with_rejected_attempts(root):
+    increments = read_sta(root / "tests/fixtures/increments.sta")
+    assert increments[:2] == (
+        Increment(1, 1, 1, False, 4, 0.0, 0.0, 0.04),
+        Increment(1, 1, 2, True, 8, 0.01, 0.01, 0.01),
+    )
+    assert len(increments) == 10
+    accepted = [i for i in increments if i.accepted]
+    assert [i.increment for i in accepted] == list(range(1, 10))
+    for before, after in itertools.pairwise(accepted):
+        assert after.total_time == pytest.approx(before.total_time + after.size, rel=1e-5)
+
+
+def test_a_line_that_is_half_written_is_left_out_wherever_it_ends(tmp_path):
+    path = tmp_path / "deck.sta"
+    line = "     1          2     1     3  0.205000E+02  0.205000E+02  0.200000E+02"
+    path.write_text(STA)
+    first = read_sta(path)
+    assert len(first) == 1
+    for cut in range(len(line)):
+        path.write_text(STA + line[:cut])
+        assert read_sta(path) == first, f"took {line[:cut]!r} for a whole line"
+    path.write_text(STA + line + "\n")
+    assert read_sta(path)[1:] == (Increment(1, 2, 1, True, 3, 20.5, 20.5, 20.0),)
+
+
+def test_sta_file_that_is_absent_or_full_of_stars_has_no_increments(tmp_path):
+    assert read_sta(tmp_path / "absent.sta") == ()
+    (tmp_path / "deck.sta").write_text("     1          2     1     3  ************  0.205000E+02  0.200000E+02\n")
+    assert read_sta(tmp_path / "deck.sta") == ()
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# the verdict
+
+ACCEPTED = (Increment(1, 1, 1, True, 2, 0.5, 0.5, 0.5),)
+REJECTED = (Increment(1, 1, 1, False, 9, 0.0, 0.0, 0.5),)
+ERROR = " *ERROR: too many cutbacks\n        in step 1\n\nmore\n"
+VERDICTS = {
+    "end of the last step": (0, "Job finished\n", ACCEPTED, "", "converged", ""),
+    "error in spite of exit code 0": (0, ERROR + "Job finished\n", ACCEPTED, "", "diverged", "too many cutbacks in step 1"),
+    "log that breaks off": (0, "iteration 1\n", ACCEPTED, "", "diverged", "exit code 0"),
+    "missing deck": (0, "Job finished\n", (), "", "crashed", "no increment was accepted"),
+    "only rejected attempts": (201, ERROR, REJECTED, "", "crashed", "too many cutbacks"),
+    "divergence": (201, ERROR, ACCEPTED, "", "diverged", "*ERROR: too many cutbacks in step 1"),
+    "malformed deck": (139, "", (), "", "crashed", "exit code 139"),
+    "segmentation fault on the way": (139, "", ACCEPTED, "", "crashed", "exit code 139"),
+    "signal": (-9, "Job finished\n", ACCEPTED, "", "crashed", "signal 9"),
+    "time limit": (-9, "", ACCEPTED, "stopped after the time limit", "timed_out", "time limit"),
+}
+
+
+@pytest.mark.parametrize("name", VERDICTS)
+def test_verdict(name):
+    exit_code, log, increments, stopped, status, reason = VERDICTS[name]
+    found = judge(exit_code, log, increments, stopped)
+    assert found[0] == status
+    assert reason in found[1]
+    assert (found[1] == "") == (status == "converged")
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# runs
+
+
+def test_run_that_converges_is_measured(solver_script, tmp_path):
+    script = solver_script(accept_one_increment("echo threads $OMP_NUM_THREADS $1\necho Job finished"))
+    outcome = run(tmp_path, script, Solver(threads=3))
+    assert (outcome.status, outcome.reason, outcome.exit_code) == ("converged", "", 0)
+    assert outcome.iterations == 2
+    assert outcome.memory > 0
+    assert outcome.wall_seconds > 0
+    assert "threads 3 deck" in (tmp_path / "ccx.log").read_text()
+
+
+@pytest.mark.parametrize(
+    ("lines", "limits", "status", "reason"),
+    [
+        (accept_one_increment("exec sleep 60"), {"stall_limit": 0.003}, "timed_out", "without a Newton iteration"),
+        (accept_one_increment("while :; do echo iteration; done"), {"time_limit": 0.003}, "timed_out", "time limit of 0.003 min"),
+        (accept_one_increment("kill -11 $$"), {}, "crashed", "signal 11"),
+        (accept_one_increment("echo '*ERROR: divergence'; exit 201"), {}, "diverged", "*ERROR: divergence"),
+        ("echo '*ERROR reading *ELEMENT'; exit 201", {}, "crashed", "*ERROR reading *ELEMENT"),
+        ("echo Job finished", {}, "crashed", "no increment was accepted"),
+    ],
+    ids=["stall", "time limit", "signal", "divergence", "bad deck", "missing deck"],
+)
+def test_run_that_fails_has_a_status_and_a_reason(solver_script, tmp_path, lines, limits, status, reason):
+    outcome = run(tmp_path, solver_script(lines), Solver(**limits))
+    assert outcome.status == status
+    assert reason in outcome.reason
+    assert outcome.wall_seconds < 30
+
+
+def test_progress_in_the_log_alone_is_no_stall(solver_script, tmp_path):
+    lines = accept_one_increment("for i in 1 2 3 4 5; do echo iteration $i >> deck.cvg; sleep 0.2; done; echo Job finished")
+    assert run(tmp_path, solver_script(lines), Solver(stall_limit=0.7 / 60)).status == "converged"
+
+
+RUNNER = """
+import signal, sys
+from pathlib import Path
+from limo.config import Solver
+from limo.door import logged
+from limo.engines.calculix import run
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a background shell may have it ignored
+folder = Path(sys.argv[1])
+with logged(str(folder / "run.log")):
+    run(folder, folder / "ccx", Solver())
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=lambda s: s.name)
+def test_interrupt_leaves_no_solver_behind(solver_script, tmp_path, number):
+    """The solver and what it started end with the process that watches them (Ctrl-C, or a scheduler's SIGTERM)."""
+    os.mkfifo(tmp_path / "started")
+    solver_script("sleep 300 &\necho $$ $! > started\nwait")
+    waiting = os.open(tmp_path / "started", os.O_RDONLY | os.O_NONBLOCK)
+    watcher = subprocess.Popen([sys.executable, "-c", RUNNER, tmp_path], stderr=subprocess.DEVNULL)
+    assert select.select([waiting], [], [], 60)[0], "the solver did not start"
+    leader, child = map(int, os.read(waiting, 100).split())
+    handles = [os.pidfd_open(p) for p in (leader, child)]
+    try:
+        watcher.send_signal(number)
+        assert watcher.wait(timeout=30) != 0
+        for handle in handles:
+            assert select.select([handle], [], [], 2)[0], "a process of the solver outlived its watcher"
+    finally:
+        for handle in handles:
+            with contextlib.suppress(ProcessLookupError):
+                signal.pidfd_send_signal(handle, signal.SIGKILL)
+            os.close(handle)
+        os.close(waiting)
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# the executable
+
+
+def test_named_command_is_preferred_and_must_exist(solver_script, tmp_path):
+    script = solver_script("exit 0", "my_ccx")
+    assert find_ccx(Solver(command=str(script))) == script
+    (tmp_path / "not_executable").write_text("")
+    for wrong in (tmp_path / "absent", tmp_path / "not_executable"):
+        with pytest.raises(ConfigError, match=r"other\.yaml: solver\.command"):
+            find_ccx(Solver(command=str(wrong)), "other.yaml")
+
+
+def test_command_is_found_on_the_path_then_in_the_project_then_nowhere(solver_script, tmp_path, monkeypatch):
+    script = solver_script("exit 0")
+    monkeypatch.setattr(calculix, "LOCAL", tmp_path / "local_ccx")
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert find_ccx(Solver()) == script
+    monkeypatch.setenv("PATH", str(tmp_path / "empty"))
+    with pytest.raises(SolverNotFoundError, match="/usr/bin/ccx"):
+        find_ccx(Solver())
+    local = solver_script("exit 0", "local_ccx")
+    assert find_ccx(Solver()) == local
+
+
+def test_command_given_relative_to_the_project_runs_in_a_case_folder(solver_script, tmp_path, monkeypatch):
+    (tmp_path / "tools").mkdir()
+    (tmp_path / "case").mkdir()
+    solver_script(accept_one_increment("echo Job finished"), "tools/ccx")
+    monkeypatch.chdir(tmp_path)
+    command = find_ccx(Solver(command="tools/ccx"))
+    assert run(tmp_path / "case", command, Solver()).status == "converged"
+
+
+def test_build_names_version_and_hash(solver_script):
+    script = solver_script("echo; echo This is Version 2.99p1; exit 1")
+    build = solver_build(script)
+    assert build["version"] == "2.99p1"
+    assert len(build["sha256"]) == 16
+    other = solver_build(solver_script("echo This is Version 2.99p1", "other"))
+    assert other["sha256"] != build["sha256"]

@@ -1,0 +1,190 @@
+"""Names of cases and meshes: what they depend on, and what they do not."""
+
+import ast
+import json
+import shutil
+
+import pytest
+import yaml
+
+from limo import case as case_module
+from limo.case import Case, all_cases, code_digest, digest, number_label, study_cases
+from limo.config import Mesh, MeshLevel, load_config
+
+
+def device_with(case, part, **changes):
+    section = getattr(case.device, part).model_copy(update=changes)
+    return {"device": case.device.model_copy(update={part: section})}
+
+
+def seams_with(case, **changes):
+    return case.device.pattern.seams.model_copy(update=changes)
+
+
+def numerics_with(case, **changes):
+    return {"numerics": case.numerics.model_copy(update=changes)}
+
+
+# what each change is made of, and whether it asks for another mesh
+PHYSICAL_CHANGES = {
+    "P_v": (lambda c: {"ventricular_pressure": 13.8}, False),
+    "P_a,max": (lambda c: {"actuation_pressure_max": 61.0}, False),
+    "AR": (lambda c: {"aspect_ratio": 2.5}, False),
+    "E_hat": (lambda c: {"stiffness_ratio": 0.5}, False),
+    "E_hat by a hair": (lambda c: {"stiffness_ratio": 1.0 + 1e-9}, False),
+    "E": (lambda c: device_with(c, "material", youngs_modulus=268.0), False),
+    "nu": (lambda c: device_with(c, "material", poisson_ratio=0.34), False),
+    "thickness": (lambda c: device_with(c, "material", thickness=0.2), False),
+    "density": (lambda c: device_with(c, "material", areal_density=171.0), False),
+    "damping": (lambda c: numerics_with(c, ramp=c.numerics.ramp.model_copy(update={"damping": 1.0})), False),
+    "HHT": (lambda c: numerics_with(c, hht_alpha=-0.05), False),
+    "controls": (lambda c: numerics_with(c, controls=c.numerics.controls.model_copy(update={"growth": 2.0})), False),
+    "element": (lambda c: {"mesh": Mesh(level="preview", symmetry="quarter", element="C3D20")}, False),
+    "N_p": (lambda c: {"n_pouches": 10}, True),
+    "symmetry": (lambda c: {"mesh": Mesh(level="preview", symmetry="full")}, True),
+    "level": (lambda c: {"mesh_level": MeshLevel(degrees_of_freedom=12001, grading=0.8)}, True),
+    "grading": (lambda c: {"mesh_level": MeshLevel(degrees_of_freedom=12000, grading=0.9)}, True),
+    "width_scale": (lambda c: device_with(c, "pattern", width_scale=0.8), True),
+    "length": (lambda c: device_with(c, "pattern", length=141.0), True),
+    "seams": (lambda c: device_with(c, "pattern", seams=seams_with(c, spacing_exponent=1.0)), True),
+}
+
+
+@pytest.mark.parametrize("name", PHYSICAL_CHANGES)
+def test_every_physical_change_renames_the_case_and_only_some_the_mesh(make_case, name):
+    change, another_mesh = PHYSICAL_CHANGES[name]
+    case = make_case()
+    changed = make_case(**change(case))
+    assert changed.case_id != case.case_id
+    assert (changed.mesh_id != case.mesh_id) == another_mesh
+
+
+def test_changes_are_told_apart_from_each_other(make_case):
+    case = make_case()
+    names = [make_case(**change(case)).case_id for change, _ in PHYSICAL_CHANGES.values()]
+    assert len(set(names)) == len(names)
+
+
+def test_frames_and_descriptions_do_not_rename_a_case(make_case):
+    case = make_case()
+    same = make_case(frames=(1.0, 2.0), **numerics_with(case, description="other words"))
+    assert (same.case_id, same.mesh_id) == (case.case_id, case.mesh_id)
+
+
+def test_names_are_fit_for_a_path_and_show_the_four_numbers(make_case):
+    name = make_case(ventricular_pressure=13.8, stiffness_ratio=1e-5).case_id
+    assert name.startswith("limo_np8_pv13.8_ar2_eh0.00001_preview_fast_")
+    assert not set(name) - set("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_.")
+
+
+def test_order_of_keys_and_comments_do_not_rename_a_case(root, loaded, tmp_path):
+    def reverse(data):
+        return {k: reverse(v) for k, v in reversed(data.items())} if isinstance(data, dict) else data
+
+    shutil.copytree(root / "config", tmp_path / "config")
+    for file in (tmp_path / "config").rglob("*.yaml"):
+        file.write_text("# a comment\n" + yaml.safe_dump(reverse(yaml.safe_load(file.read_text())), sort_keys=False))
+    assert set(all_cases(load_config(tmp_path / "config/config.yaml"))) == set(all_cases(loaded))
+
+
+def test_case_survives_plain_data(make_case):
+    """Through JSON, as between processes: equal, with the same names and frames."""
+    case = make_case(frames=(0.0, 13.8), **numerics_with(make_case(), description="x"))
+    again = Case.from_dict(json.loads(json.dumps(case.to_dict())))
+    assert again == case
+    assert (again.frames, again.case_id, again.mesh_id) == (case.frames, case.case_id, case.mesh_id)
+
+
+@pytest.mark.parametrize(
+    ("value", "label"),
+    [(3.8, "3.8"), (2.0, "2"), (10, "10"), (100.0, "100"), (0.1 + 0.2, "0.3"), (1e-5, "0.00001"), (0.0, "0"), (1000.0, "1000")],
+)
+def test_number_label_is_short_and_has_no_exponent(value, label):
+    assert number_label(value) == label
+
+
+def test_digest_knows_content_not_order():
+    assert digest({"a": 1, "b": [1, 2]}) == digest({"b": [1, 2], "a": 1})
+    assert digest({"a": [1, 2]}) != digest({"a": [2, 1]})
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# studies
+
+
+def test_cases_of_a_study_are_its_grid(loaded):
+    study = loaded.studies["pressure_volume"]
+    axes = study.axes.model_copy(update={"aspect_ratio": [1.0, 2.0], "width_scale": [0.8, 1.0]})
+    wider = type(loaded)(loaded.config, loaded.devices, {"wider": study.model_copy(update={"axes": axes})}, loaded.files)
+    cases = study_cases(wider, "wider")
+    assert len(cases) == len(axes.n_pouches) * len(axes.ventricular_pressure) * 2 * 2
+    for (n_pouches, pressure, aspect, stiffness, scale), case in cases.items():
+        assert (case.n_pouches, case.ventricular_pressure, case.aspect_ratio) == (n_pouches, pressure, aspect)
+        assert (case.stiffness_ratio, case.device.pattern.width_scale) == (stiffness, scale)
+        assert case.actuation_pressure_max == study.maximum_for(pressure)
+    assert len({c.case_id for c in cases.values()}) == len(cases)
+    assert len({c.mesh_id for c in cases.values()}) == len(axes.n_pouches) * 2, "meshes are shared over AR"
+
+
+def test_cases_that_studies_share_are_run_once_with_the_frames_of_both(loaded):
+    study = loaded.studies["pressure_volume"]
+    other = study.model_copy(update={"frames": [7.0, "max"], "description": "the same cases"})
+    both = type(loaded)(loaded.config, loaded.devices, {"one": study, "two": other}, loaded.files)
+    cases = all_cases(both)
+    assert len(cases) == len(study_cases(both, "one"))
+    for case in cases.values():
+        expected = {*study.frames_for(case.ventricular_pressure), 7.0, case.actuation_pressure_max}
+        assert list(case.frames) == sorted(expected)
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# code
+
+CODE = '''"""A module."""
+
+def half(x):
+    """Half of it."""
+    return x / 2  # a comment
+'''
+SAME = {
+    "comment": CODE.replace("a comment", "another"),
+    "docstring": CODE.replace("Half of it", "The half of it"),
+    "no docstrings": CODE.replace('    """Half of it."""\n', "").replace('"""A module."""\n', ""),
+    "layout": CODE.replace("return x / 2", "return (\n        x /\n        2\n    )"),
+}
+OTHER = {
+    "number": CODE.replace("x / 2", "x / 3"),
+    "operator": CODE.replace("x / 2", "x // 2"),
+    "default": CODE.replace("half(x)", "half(x=1)"),
+    "text": CODE.replace("x / 2", "'2'"),
+}
+
+
+@pytest.mark.parametrize("name", [*SAME, *OTHER])
+def test_code_digest_sees_what_code_does_and_nothing_else(tmp_path, monkeypatch, name):
+    monkeypatch.setattr(case_module, "PACKAGE", tmp_path)
+    digests = []
+    for text in (CODE, {**SAME, **OTHER}[name]):
+        (tmp_path / "engines").mkdir(exist_ok=True)
+        (tmp_path / "engines/one.py").write_text(text)
+        code_digest.cache_clear()
+        digests.append(code_digest(("engines.one",)))
+    code_digest.cache_clear()
+    assert (digests[0] == digests[1]) == (name in SAME)
+
+
+@pytest.mark.parametrize("modules", ["MESH_CODE", "SOLVE_CODE"])
+def test_code_lists_name_every_module_they_import(root, modules):
+    """A module that decides a result and is missing from its list would leave stale results in place."""
+    listed = set(getattr(case_module, modules))
+    package = root / "scripts/limo"
+    plumbing = {"case", "config", "errors", "files", ""}  # their effect is in the case itself, or none on numbers
+    for name in listed:
+        tree = ast.parse((package / f"{name.replace('.', '/')}.py").read_text())
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("limo"):
+                within = node.module.removeprefix("limo").removeprefix(".")
+                for alias in node.names:
+                    inner = ".".join(filter(None, (within, alias.name)))
+                    module = inner if (package / f"{inner.replace('.', '/')}.py").exists() else within
+                    assert module in listed | plumbing, f"{name} imports {module}"
