@@ -23,6 +23,8 @@ Element = Literal["S8", "S8R", "C3D20", "C3D20R"]
 Symmetry = Literal["full", "front_back", "quarter"]
 Point = tuple[Annotated[float, Field(ge=0, le=2)], Annotated[float, Field(ge=0, le=1.2)]]
 SplinePoints = Annotated[list[Point], Field(min_length=2)]
+#: rules of the workflow, whose names a study cannot have because it becomes a rule itself
+RULES = ("all", "mesh_device", "solve_case", "gather_study", "draw_figure")
 NAME = r"^[A-Za-z][A-Za-z0-9_]*$"
 
 
@@ -536,6 +538,8 @@ def load_config(path: str | Path = "config/config.yaml") -> Loaded:
         for file in sorted((path.parent / folder).glob("*.y*ml")):
             if not re.match(NAME, file.stem):
                 raise ConfigError(file, "(file name)", file.stem, "letters, digits and _, a letter first", "my_study.yaml")
+            if model is Study and file.stem in RULES:
+                raise ConfigError(file, "(file name)", file.stem, "a name that no rule of the workflow has", "my_study.yaml")
             if file.stem in found:
                 raise ConfigError(file, "(file name)", file.stem, "one file for a name", "remove one of .yml and .yaml")
             found[file.stem] = parse(model, read_yaml(file), file)

@@ -152,6 +152,8 @@ def gather_study(loaded: Loaded, name: str, case_folder: Path) -> xr.Dataset:
 
 def _read_case(case: Case, folder: Path, pressures: np.ndarray) -> tuple[dict, dict]:
     """Status and values of one case; an unreadable result is a status, not an error."""
+    if not (folder / "status.json").exists():
+        return {"status": "missing", "reason": "not solved"}, {}
     try:
         status = read_json(folder / "status.json")
         with xr.open_dataset(folder / "volumes.nc") as history:

@@ -53,9 +53,8 @@ def study_table(path: Path) -> str:
     lines = [str(dataset.attrs.get("title", path)), pd.DataFrame(rows).to_string(index=False)]
     for k in range(cases.sizes["case"]):
         case = cases.isel(case=k)
-        for text in (str(case.case_reason.values), str(case.efficiency_90ml_reason.values)):
-            if text:
-                lines.append(f"  {case.case_id.values}: {text}")
+        if reason := str(case.case_reason.values) or str(case.efficiency_90ml_reason.values):
+            lines.append(f"  {case.case_id.values}: {reason}")
     figures = sorted((path.parent / "figures").glob("*.p*"))
     return "\n".join([*lines, *(f"figure: {f}" for f in figures)])
 
@@ -66,17 +65,14 @@ def _number(case: xr.Dataset | None, name: str, form: str) -> str:
 
 
 def benchmark_table(results: Path) -> str:
-    """Solver against python time, memory and iterations of every solved case, and the time of a dry run.
+    """Solver against python time, memory and iterations of every solved case, meshing, and the time of a dry run.
 
-    CPU seconds of the processes; the share of python counts the mesh (shared by its cases, counted in full for each),
-    deck, volumes, files, and the start of the interpreter.
+    CPU seconds of the processes from the operating system's accounting; python includes the start of the interpreter.
     """
     rows = []
     for file in sorted(results.glob("cases/*/status.json")):
         status = read_json(file)
-        whole = _snakemake_benchmark(results / "benchmarks" / "solve_case" / f"{status['case']}.tsv")
-        solver = status["solver_cpu_seconds"]
-        outside = max(whole - solver, status["python_cpu_seconds"]) if np.isfinite(whole) else status["python_cpu_seconds"]
+        solver, python = status["solver_cpu_seconds"], status["python_cpu_seconds"]
         rows.append(
             {
                 "case": status["case"],
@@ -85,8 +81,8 @@ def benchmark_table(results: Path) -> str:
                 **{f"it. {stage}": count for stage, count in status["iterations_by_stage"].items()},
                 "s/it.": round(solver / max(status["iterations"], 1), 3),
                 "solver [s]": round(solver, 1),
-                "python [s]": round(outside, 1),
-                "python share": f"{outside / max(outside + solver, 1e-9):.1%}",
+                "python [s]": round(python, 1),
+                "python share": f"{python / max(python + solver, 1e-9):.1%}",
                 "memory [MiB]": round(status["solver_memory_mib"]),
             }
         )
@@ -94,7 +90,7 @@ def benchmark_table(results: Path) -> str:
         raise LimoError(f"{results}: no solved cases; `make sweep` makes some")
     table = pd.DataFrame(rows)
     total = table["solver [s]"].sum()
-    meshes = [_snakemake_benchmark(f) for f in sorted((results / "benchmarks" / "mesh_device").glob("*.tsv"))]
+    meshes = [_job_seconds(f) for f in sorted((results / "benchmarks" / "mesh_device").glob("*.tsv"))]
     start = time.perf_counter()
     dry = subprocess.run([sys.executable, "-m", "snakemake", "-n", "--quiet"], capture_output=True, check=False)
     dry_text = f"{time.perf_counter() - start:.1f} s" if dry.returncode == 0 else "failed"
@@ -102,15 +98,15 @@ def benchmark_table(results: Path) -> str:
         [
             table.to_string(index=False),
             f"solver CPU of all cases: {total:.0f} s; two side by side: at least {total / 120:.1f} min",
-            f"meshing: {', '.join(f'{m:.1f}' for m in meshes) or '-'} s CPU each",
+            f"meshing: {', '.join(f'{m:.1f}' for m in meshes) or '-'} s wall each",
             f"snakemake -n: {dry_text} wall",
         ]
     )
 
 
-def _snakemake_benchmark(file: Path) -> float:
-    """CPU time in s that Snakemake measured for a job, NaN when there is no such file."""
+def _job_seconds(file: Path) -> float:
+    """Wall time in s that Snakemake measured for a job, NaN when there is no such file."""
     try:
-        return float(pd.read_csv(file, sep="\t")["cpu_time"].iloc[-1])
+        return float(pd.read_csv(file, sep="\t")["s"].iloc[-1])
     except (OSError, ValueError, KeyError):
         return float("nan")
