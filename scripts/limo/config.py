@@ -135,7 +135,7 @@ class Material(Section):
 class Pattern(Section):
     """Outline and pouch layout of a face, right half. Coordinates are fractions of the length."""
 
-    length: float = Field(gt=0, le=1000, description="L in mm, from the valve edge to the apex", examples=[140.0])
+    length: float = Field(ge=1, le=1000, description="L in mm, from the valve edge to the apex", examples=[140.0])
     width_scale: float = Field(1.0, ge=0.5, le=1.5, description="scale of all widths away from the valve edge", examples=[0.9])
     width_blend: float = Field(
         0.25, gt=0, le=1, description="y/L over which width_scale is blended to 1 at the valve edge", examples=[0.25]
@@ -201,7 +201,7 @@ class MeshLevel(Section):
     degrees_of_freedom: int = Field(
         ge=1000,
         le=5_000_000,
-        description="three displacements a node of the written-out bricks, for the full device",
+        description="three displacements a node of the written-out bricks, for four quarters",
         examples=[70000],
     )
     grading: float = Field(
@@ -288,6 +288,8 @@ class Numerics(Section):
         dampings = [s.damping for s in (self.fit, self.hold, self.ramp)]
         if min(dampings) == 0 and max(dampings) > 0:
             raise ValueError("damping zero in all stages or in none")
+        if self.first_increment < self.smallest_increment:
+            raise ValueError("first_increment no smaller than smallest_increment")
         return self
 
 
@@ -353,7 +355,9 @@ class Study(Section):
         description="actuation pressures in kPa whose displacements are kept: a number, P_v, P_v + number, or max",
         examples=[[0, "P_v + 10", "max"]],
     )
-    pressure_step: float = Field(0.5, gt=0, le=50, description="kPa between the pressures of the study's dataset", examples=[0.5])
+    pressure_step: float = Field(
+        0.5, ge=0.01, le=50, description="kPa between the pressures of the study's dataset", examples=[0.5]
+    )
     figures: list[Annotated[str, Field(pattern=NAME)]] = Field(
         default=[], description="figures to draw", examples=[["pressure_volume"]]
     )
@@ -367,7 +371,7 @@ class Study(Section):
     @classmethod
     def _frames(cls, frames: list[float | str]) -> list[float | str]:
         for frame in frames:
-            if isinstance(frame, str) and not FRAME.match(frame):
+            if isinstance(frame, str) and (not (match := FRAME.match(frame)) or match.group(1, 2) == ("max", "+")):
                 raise ValueError(f"not {frame!r}")
             if not isinstance(frame, str) and frame < 0:
                 raise ValueError(f"no negative pressure, not {frame}")

@@ -12,10 +12,11 @@ from limo.volumes import flux
 
 
 def conjugate_volumes(model: Model, displacements: np.ndarray) -> tuple[float, float]:
-    """Volumes (mm^3, full device) whose changes times P_v and P_a are exactly the work of the model's pressures.
+    """Volumes (mm^3, full device) whose changes times P_v and P_a are the work of the model's pressures.
 
     They are swept by the loaded faces of the bricks, while ``volumes.volumes`` reports those of the middle surface; the
-    two differ by half a thickness times a change of area. ``displacements`` (n, 3) in mm.
+    two differ by half a thickness times a change of area. Exact for P_a, whose faces close; for P_v up to what half a
+    thickness sweeps where the outer edge turns (0.3 % on a real ramp). ``displacements`` (n, 3) in mm.
     """
     x = model.nodes + displacements
     shell = model.expansion

@@ -123,7 +123,9 @@ def mesh_pattern(pattern: FlatPattern, size: float, grading: float, strategy: tu
         return _run_gmsh(gmsh.model, pattern, size, grading)
     except MeshError:
         raise
-    except Exception as error:  # gmsh raises bare Exception
+    except Exception as error:
+        if type(error) is not Exception:  # gmsh raises bare Exception; anything else is not its doing
+            raise
         raise MeshError(f"gmsh could not mesh N_p = {pattern.n_pouches} at size {size:.3g} mm: {error}") from error
     finally:
         gmsh.finalize()
@@ -229,7 +231,9 @@ def smallest_jacobian(nodes: np.ndarray, quads: np.ndarray) -> np.ndarray:
 
 
 def mesh_to_target(pattern: FlatPattern, degrees_of_freedom: int, grading: float) -> FlatMesh:
-    """A well-shaped mesh whose full device has about the wanted number of degrees of freedom (within 6 %).
+    """A well-shaped mesh, four quarters of which have about the wanted number of degrees of freedom (within 6 %).
+
+    Where seams lie closer together than elements of that size would, it gets finer than asked for.
 
     The size follows from the area, then from the counts of three trials; among a fixed list of changes of size and of
     gmsh's strategies the first mesh is taken whose count and worst element are good enough, else the best of them.

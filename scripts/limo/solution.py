@@ -44,7 +44,7 @@ def solve_case(case: Case, mesh_file: Path, folder: Path, solver: Solver, comman
     model = build_model(case, mesh)
     times = write_deck(model, run_folder / f"{calculix.JOB}.inp")
     log.info("%s: %d elements, %d equations or more", case.case_id, len(mesh.quads), 3 * len(model.nodes))
-    outcome = calculix.run(run_folder, command, solver)
+    outcome = calculix.run(run_folder, command, solver, times[-1].end)
     history, frames, harvest_error = _harvest(model, times, run_folder, outcome)
     status, reason = outcome.status, outcome.reason
     if harvest_error:

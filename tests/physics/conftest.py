@@ -56,7 +56,7 @@ def run_start() -> Callable[[Model, Path, float, int], np.ndarray]:
         text, count = re.subn(r"(\*DYNAMIC, ALPHA=\S+)\n.*\n", direct, deck.read_text())
         assert count == 1
         deck.write_text(text)
-        outcome = calculix.run(folder, command, Solver())
+        outcome = calculix.run(folder, command, Solver(), seconds)
         assert outcome.status == "converged", outcome.reason
         with FrdFile(folder / "deck.frd") as frd:
             return frd.displacements(frd.frames[-1], len(model.nodes))

@@ -35,6 +35,9 @@ def solver_script(tmp_path, monkeypatch):
     return make
 
 
+END = 0.5  # s, where the increment in STA ends
+
+
 def accept_one_increment(extra=""):
     return f"cat > deck.sta <<'end'\n{STA}end\n{extra}"
 
@@ -79,11 +82,13 @@ def test_sta_file_that_is_absent_or_full_of_stars_has_no_increments(tmp_path):
 # the verdict
 
 ACCEPTED = (Increment(1, 1, 1, True, 2, 0.5, 0.5, 0.5),)
+EARLY = (Increment(1, 1, 1, True, 2, 0.2, 0.2, 0.2),)
 REJECTED = (Increment(1, 1, 1, False, 9, 0.0, 0.0, 0.5),)
 ERROR = " *ERROR: too many cutbacks\n        in step 1\n\nmore\n"
 VERDICTS = {
     "end of the last step": (0, "Job finished\n", ACCEPTED, "", "converged", ""),
     "error in spite of exit code 0": (0, ERROR + "Job finished\n", ACCEPTED, "", "diverged", "too many cutbacks in step 1"),
+    "end before the end of the step": (0, "Job finished\n", EARLY, "", "diverged", "ended at 0.2 s of 0.5 s"),
     "log that breaks off": (0, "iteration 1\n", ACCEPTED, "", "diverged", "exit code 0"),
     "missing deck": (0, "Job finished\n", (), "", "crashed", "no increment was accepted"),
     "only rejected attempts": (201, ERROR, REJECTED, "", "crashed", "too many cutbacks"),
@@ -98,7 +103,7 @@ VERDICTS = {
 @pytest.mark.parametrize("name", VERDICTS)
 def test_verdict(name):
     exit_code, log, increments, stopped, status, reason = VERDICTS[name]
-    found = judge(exit_code, log, increments, stopped)
+    found = judge(exit_code, log, increments, 0.5, stopped)
     assert found[0] == status
     assert reason in found[1]
     assert (found[1] == "") == (status == "converged")
@@ -110,7 +115,7 @@ def test_verdict(name):
 
 def test_run_that_converges_is_measured(solver_script, tmp_path):
     script = solver_script(accept_one_increment("echo threads $OMP_NUM_THREADS $1\necho Job finished"))
-    outcome = run(tmp_path, script, Solver(threads=3))
+    outcome = run(tmp_path, script, Solver(threads=3), END)
     assert (outcome.status, outcome.reason, outcome.exit_code) == ("converged", "", 0)
     assert outcome.iterations == 2
     assert outcome.memory > 0
@@ -122,7 +127,12 @@ def test_run_that_converges_is_measured(solver_script, tmp_path):
     ("lines", "limits", "status", "reason"),
     [
         (accept_one_increment("exec sleep 60"), {"stall_limit": 0.003}, "timed_out", "without a Newton iteration"),
-        (accept_one_increment("while :; do echo iteration; done"), {"time_limit": 0.003}, "timed_out", "time limit of 0.003 min"),
+        (
+            accept_one_increment("for i in $(seq 600); do echo iteration; sleep 0.05; done"),
+            {"time_limit": 0.003},
+            "timed_out",
+            "time limit of 0.003 min",
+        ),
         (accept_one_increment("kill -11 $$"), {}, "crashed", "signal 11"),
         (accept_one_increment("echo '*ERROR: divergence'; exit 201"), {}, "diverged", "*ERROR: divergence"),
         ("echo '*ERROR reading *ELEMENT'; exit 201", {}, "crashed", "*ERROR reading *ELEMENT"),
@@ -131,7 +141,7 @@ def test_run_that_converges_is_measured(solver_script, tmp_path):
     ids=["stall", "time limit", "signal", "divergence", "bad deck", "missing deck"],
 )
 def test_run_that_fails_has_a_status_and_a_reason(solver_script, tmp_path, lines, limits, status, reason):
-    outcome = run(tmp_path, solver_script(lines), Solver(**limits))
+    outcome = run(tmp_path, solver_script(lines), Solver(**limits), END)
     assert outcome.status == status
     assert reason in outcome.reason
     assert outcome.wall_seconds < 30
@@ -139,31 +149,50 @@ def test_run_that_fails_has_a_status_and_a_reason(solver_script, tmp_path, lines
 
 def test_progress_in_the_log_alone_is_no_stall(solver_script, tmp_path):
     lines = accept_one_increment("for i in 1 2 3 4 5; do echo iteration $i >> deck.cvg; sleep 0.2; done; echo Job finished")
-    assert run(tmp_path, solver_script(lines), Solver(stall_limit=0.7 / 60)).status == "converged"
+    assert run(tmp_path, solver_script(lines), Solver(stall_limit=0.7 / 60), END).status == "converged"
 
 
+# a process that watches a solver, and says so once it does
 RUNNER = """
 import signal, sys
 from pathlib import Path
 from limo.config import Solver
 from limo.door import logged
-from limo.engines.calculix import run
+from limo.engines import calculix
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a background shell may have it ignored
-folder = Path(sys.argv[1])
+folder, watch = Path(sys.argv[1]), calculix._watch
+def announced(*args):
+    (folder / "watching").write_text("yes")
+    return watch(*args)
+calculix._watch = announced
 with logged(str(folder / "run.log")):
-    run(folder, folder / "ccx", Solver())
+    calculix.run(folder, folder / "ccx", Solver(), 1.0)
 """
+
+
+def wait_for_word(path):
+    """What is written to a new named pipe; the returned function waits for it."""
+    os.mkfifo(path)
+    pipe = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
+
+    def wait():
+        try:
+            assert select.select([pipe], [], [], 60)[0], f"nobody wrote to {path.name}"
+            return os.read(pipe, 100).decode()
+        finally:
+            os.close(pipe)
+
+    return wait
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=lambda s: s.name)
 def test_interrupt_leaves_no_solver_behind(solver_script, tmp_path, number):
     """The solver and what it started end with the process that watches them (Ctrl-C, or a scheduler's SIGTERM)."""
-    os.mkfifo(tmp_path / "started")
     solver_script("sleep 300 &\necho $$ $! > started\nwait")
-    waiting = os.open(tmp_path / "started", os.O_RDONLY | os.O_NONBLOCK)
+    started, watching = wait_for_word(tmp_path / "started"), wait_for_word(tmp_path / "watching")
     watcher = subprocess.Popen([sys.executable, "-c", RUNNER, tmp_path], stderr=subprocess.DEVNULL)
-    assert select.select([waiting], [], [], 60)[0], "the solver did not start"
-    leader, child = map(int, os.read(waiting, 100).split())
+    leader, child = map(int, started().split())
+    watching()
     handles = [os.pidfd_open(p) for p in (leader, child)]
     try:
         watcher.send_signal(number)
@@ -175,7 +204,6 @@ def test_interrupt_leaves_no_solver_behind(solver_script, tmp_path, number):
             with contextlib.suppress(ProcessLookupError):
                 signal.pidfd_send_signal(handle, signal.SIGKILL)
             os.close(handle)
-        os.close(waiting)
 
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -209,7 +237,7 @@ def test_command_given_relative_to_the_project_runs_in_a_case_folder(solver_scri
     solver_script(accept_one_increment("echo Job finished"), "tools/ccx")
     monkeypatch.chdir(tmp_path)
     command = find_ccx(Solver(command="tools/ccx"))
-    assert run(tmp_path / "case", command, Solver()).status == "converged"
+    assert run(tmp_path / "case", command, Solver(), END).status == "converged"
 
 
 def test_build_names_version_and_hash(solver_script):

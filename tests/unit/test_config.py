@@ -114,7 +114,7 @@ MISTAKES = [
     (STUDY, ("mesh", "symmetry"), "half", "quarter"),
     (STUDY, ("mesh",), {"level": "preview", "element": "S8", "symmetry": "quarter"}, "full"),
     (STUDY, ("figures",), ["pie"], "pressure_volume"),
-    (STUDY, ("pressure_step",), 0.0, "greater than 0"),
+    (STUDY, ("pressure_step",), 0.0, "greater than or equal to 0.01"),
     (STUDY, ("measured",), "config/measured/absent.csv", "CSV"),
     (STUDY, ("description",), ["a"], "string"),
     (CONFIG, ("studies",), ["absent"], "pressure_volume"),

@@ -130,7 +130,11 @@ def test_a_symmetric_motion_meets_every_constraint_and_an_asymmetric_one_does_no
         pairs = [sum(c * u[n, d] for n, d, c in e.terms) for e in model.equations]
         return np.array([*pairs, *(u[n, d] for n, d in model.fixed)])
 
-    assert np.abs(residuals(admissible_field(model, 4))).max() < 1e-12
+    symmetric, edge = admissible_field(model, 4), np.flatnonzero(model.mesh.on_outer)
+    opening = np.random.default_rng(5).uniform(0.1, 0.2, len(edge))
+    symmetric[model.expansion.bottom[edge], 2] -= opening
+    symmetric[model.expansion.top[edge], 2] += opening
+    assert np.abs(residuals(symmetric)).max(initial=0.0) < 1e-12
     # a rigid translation along x or z, or a turn about z, breaks the planes that the model uses
     broken = {"full": [], "front_back": [2], "quarter": [0, 2]}[symmetry]
     for direction in range(3):

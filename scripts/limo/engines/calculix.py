@@ -126,8 +126,8 @@ def read_sta(path: Path) -> tuple[Increment, ...]:
     return tuple(increments)
 
 
-def run(folder: Path, command: Path, solver: Solver) -> Run:
-    """Run ``folder/deck.inp`` and judge the outcome; the log goes to ``folder/ccx.log``.
+def run(folder: Path, command: Path, solver: Solver, end_time: float) -> Run:
+    """Run ``folder/deck.inp`` up to ``end_time`` (solver s) and judge the outcome; the log goes to ``folder/ccx.log``.
 
     The solver runs in a process group of its own, which is ended when it exceeds ``time_limit``, makes no Newton
     iteration for ``stall_limit``, or when this process is interrupted.
@@ -138,7 +138,7 @@ def run(folder: Path, command: Path, solver: Solver) -> Run:
     for name in ("OMP_NUM_THREADS", "CCX_NPROC_STIFFNESS", "CCX_NPROC_RESULTS", "CCX_NPROC_EQUATION_SOLVER"):
         environment[name] = threads
     started, stopped = time.monotonic(), ""
-    with log_path.open("wb") as log:
+    with log_path.open("wb") as log, _interruptible():
         process = subprocess.Popen(
             [command, JOB],
             cwd=folder,
@@ -150,14 +150,13 @@ def run(folder: Path, command: Path, solver: Solver) -> Run:
             preexec_fn=_die_with_parent,
         )
         try:
-            with _interruptible():
-                stopped, exit_code, usage = _watch(process, folder, solver, started)
+            stopped, exit_code, usage = _watch(process, folder, solver, started)
         except BaseException:
             _kill(process)
             raise
     wall = time.monotonic() - started
     increments = read_sta(folder / f"{JOB}.sta")
-    status, reason = judge(exit_code, log_path.read_text(encoding="utf-8", errors="replace"), increments, stopped)
+    status, reason = judge(exit_code, log_path.read_text(encoding="utf-8", errors="replace"), increments, end_time, stopped)
     return Run(status, reason, exit_code, increments, usage.ru_utime + usage.ru_stime, wall, usage.ru_maxrss / 1024)
 
 
@@ -214,7 +213,7 @@ def _kill(process: subprocess.Popen) -> None:
     process.wait()
 
 
-def judge(exit_code: int, log: str, increments: tuple[Increment, ...], stopped: str = "") -> tuple[str, str]:
+def judge(exit_code: int, log: str, increments: tuple[Increment, ...], end_time: float, stopped: str = "") -> tuple[str, str]:
     """Status and reason of a finished run from its exit code, log and increments (see the module's note)."""
     if stopped:
         return "timed_out", stopped
@@ -225,8 +224,11 @@ def judge(exit_code: int, log: str, increments: tuple[Increment, ...], stopped: 
         return "crashed", f"ended by signal {-exit_code}"
     if not accepted:
         return "crashed", message or f"no increment was accepted (exit code {exit_code})"
-    if exit_code == 0 and not errors and "Job finished" in log:
+    at_end = accepted[-1].total_time >= end_time * (1 - 1e-5)  # .sta has six digits
+    if exit_code == 0 and not errors and "Job finished" in log and at_end:
         return "converged", ""
+    if not errors and not at_end:
+        message = f"ended at {accepted[-1].total_time:g} s of {end_time:g} s (exit code {exit_code})"
     if exit_code in (0, 201) or "divergence" in log or "too many cutbacks" in log:
         return "diverged", message or f"exit code {exit_code}"
     return "crashed", message or f"exit code {exit_code}"
