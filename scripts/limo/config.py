@@ -12,7 +12,7 @@ import re
 import sys
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
@@ -307,6 +307,93 @@ class Solver(Section):
 
 
 # --------------------------------------------------------------------------------------------------------------------
+# fatigue
+
+
+class Parameter(Section):
+    """A number and where it comes from."""
+
+    value: float = Field(description="the number", examples=[0.55])
+    origin: str = Field(min_length=3, description="where it comes from", examples=["assumed"])
+
+
+class Fatigue(Section):
+    """Strain-life curve, eps_a = sigma_f'/E (2N)^b + eps_f' (2N)^c (paper, *Local stress concentration and fatigue risk*).
+
+    Only eps_f' is the paper's own; the others are not public, so cycle counts are an index for comparing designs. The
+    defaults keep the plastic branch below the elastic one over the whole range, as the paper asks for below 100 cycles.
+    """
+
+    youngs_modulus: Parameter = Field(
+        Parameter(value=146.0, origin="bulk TPU, upper end of the reported 100 to 146 MPa"),
+        description="E in MPa of bulk TPU",
+        examples=[{"value": 146.0, "origin": "tensile test"}],
+    )
+    strength_coefficient: Parameter = Field(
+        Parameter(value=85.0, origin="assumed: just enough that the plastic branch stays below the elastic one from 1 cycle on"),
+        description="sigma_f' in MPa",
+        examples=[{"value": 85.0, "origin": "assumed"}],
+    )
+    strength_exponent: Parameter = Field(
+        Parameter(
+            value=-0.18,
+            origin="assumed: through the amplitude 4.6 MPa at 5e6 cycles of the fatigue limit 10.25 MPa at R = 0.1 that "
+            "Wang et al., Polymers 15 (2023) 899, report for TPU",
+        ),
+        description="b",
+        examples=[{"value": -0.18, "origin": "assumed"}],
+    )
+    ductility_coefficient: Parameter = Field(
+        Parameter(value=0.55, origin="yield strain of TPU, the value of the paper"),
+        description="eps_f'",
+        examples=[{"value": 0.55, "origin": "paper"}],
+    )
+    ductility_exponent: Parameter = Field(
+        Parameter(value=-0.6, origin="assumed: middle of the usual range -0.5 to -0.7"),
+        description="c",
+        examples=[{"value": -0.6, "origin": "assumed"}],
+    )
+    endurance_cycles: Parameter = Field(
+        Parameter(value=1e7, origin="assumed: order of the longest fatigue tests on polymers; no number is given beyond"),
+        description="N beyond which no number is given, at most 1e12",
+        examples=[{"value": 1e7, "origin": "assumed"}],
+    )
+    seam_distance: Parameter = Field(
+        Parameter(value=4.0, origin="assumed: about the width of a heat-sealed seam and one element beside it"),
+        description="mm from the nearest seam or edge within which the estimate is valid",
+        examples=[{"value": 4.0, "origin": "assumed"}],
+    )
+
+    @field_validator("youngs_modulus", "strength_coefficient", "ductility_coefficient")
+    @classmethod
+    def _positive(cls, parameter: Parameter) -> Parameter:
+        if not 0 < parameter.value <= 1e6:
+            raise ValueError("a value above 0 and up to 1e6")
+        return parameter
+
+    @field_validator("strength_exponent", "ductility_exponent")
+    @classmethod
+    def _negative(cls, parameter: Parameter) -> Parameter:
+        if not -2 <= parameter.value < 0:
+            raise ValueError("a value from -2 to below 0")
+        return parameter
+
+    @field_validator("endurance_cycles")
+    @classmethod
+    def _cycles(cls, parameter: Parameter) -> Parameter:
+        if not 10 <= parameter.value <= 1e12:
+            raise ValueError("a value from 10 to 1e12")
+        return parameter
+
+    @field_validator("seam_distance")
+    @classmethod
+    def _distance(cls, parameter: Parameter) -> Parameter:
+        if not 0 < parameter.value <= 100:
+            raise ValueError("a value above 0 and up to 100")
+        return parameter
+
+
+# --------------------------------------------------------------------------------------------------------------------
 # studies
 
 Pouches = Annotated[int, Field(ge=2, le=16, multiple_of=2)]
@@ -337,6 +424,10 @@ class Axes(Section):
         return values
 
 
+Output = Literal["volumes", "stress", "strain", "fatigue", "fields"]
+OUTPUTS = get_args(Output)
+
+
 class Study(Section):
     """A grid of cases and what is wanted of them."""
 
@@ -355,6 +446,17 @@ class Study(Section):
         description="actuation pressures in kPa whose displacements are kept: a number, P_v, P_v + number, or max",
         examples=[[0, "P_v + 10", "max"]],
     )
+    outputs: list[Output] = Field(
+        default=["volumes"],
+        min_length=1,
+        description="what is computed for the cases: stress, strain and fatigue at the frames, fields for ParaView at fields_at",
+        examples=[["volumes", "stress", "strain", "fatigue", "fields"]],
+    )
+    fields_at: list[float | str] = Field(
+        default=["max"],
+        description="actuation pressures in kPa whose maps are kept and drawn, written as frames are and kept as frames too",
+        examples=[["P_v + 20", "max"]],
+    )
     pressure_step: float = Field(
         0.5, ge=0.01, le=50, description="kPa between the pressures of the study's dataset", examples=[0.5]
     )
@@ -367,7 +469,7 @@ class Study(Section):
         examples=["config/measured/arfaee2025.csv"],
     )
 
-    @field_validator("frames")
+    @field_validator("frames", "fields_at")
     @classmethod
     def _frames(cls, frames: list[float | str]) -> list[float | str]:
         for frame in frames:
@@ -385,17 +487,23 @@ class Study(Section):
 
     def frames_for(self, ventricular_pressure: float) -> list[float]:
         """Pressures of the kept frames (kPa), in order, those beyond P_a,max left out for ``P_v`` expressions."""
-        maximum, pressures = self.maximum_for(ventricular_pressure), set()
-        for frame in self.frames:
-            if isinstance(frame, str):
-                base, sign, offset = FRAME.match(frame).groups()
-                value = ventricular_pressure if base == "P_v" else maximum
-                value += float(f"{sign or '+'}{offset or 0}")
-            else:
-                value = frame
-            if 0 <= value <= maximum:
-                pressures.add(round(value, 6))
-        return sorted(pressures)
+        frames = [*self.frames, *(self.fields_at if self.measures else [])]
+        pressures = {self.pressure_of(frame, ventricular_pressure) for frame in frames}
+        return sorted(p for p in pressures if p is not None)
+
+    def pressure_of(self, frame: float | str, ventricular_pressure: float) -> float | None:
+        """Actuation pressure (kPa) that an entry of ``frames`` or ``fields_at`` means; None beyond the range of the case."""
+        maximum, value = self.maximum_for(ventricular_pressure), frame
+        if isinstance(frame, str):
+            base, sign, offset = FRAME.match(frame).groups()
+            value = ventricular_pressure if base == "P_v" else maximum
+            value += float(f"{sign or '+'}{offset or 0}")
+        return round(value, 6) if 0 <= value <= maximum else None
+
+    @property
+    def measures(self) -> tuple[str, ...]:
+        """The outputs beyond volumes, in one order."""
+        return tuple(o for o in OUTPUTS[1:] if o in self.outputs)
 
 
 class Config(Section):
@@ -409,6 +517,7 @@ class Config(Section):
     mesh_levels: dict[Annotated[str, Field(pattern=NAME)], MeshLevel] = Field(min_length=1, description="mesh levels by name")
     numerics_presets: dict[Annotated[str, Field(pattern=NAME)], Numerics] = Field(min_length=1, description="numerics by name")
     solver: Solver = Solver()
+    fatigue: Fatigue = Field(Fatigue(), description="strain-life curve of the fatigue output, each number with its origin")
 
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -443,6 +552,8 @@ class Loaded:
             "numerics": self.numerics_of(study),
             "solver": self.config.solver,
         }
+        if "fatigue" in study.measures:
+            sections["fatigue"] = self.config.fatigue
         return {k: v.model_dump(mode="json") for k, v in sections.items()}
 
 
