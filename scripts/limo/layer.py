@@ -22,7 +22,7 @@ from limo.kinematics import deformation_gradient, green_lagrange, lame
 from limo.mesh import FACES, LAYERS, DeviceMesh
 from limo.model import Model
 
-#: local coordinate through the thickness of the named surfaces, and their order wherever three surfaces are stored
+#: the surfaces in the order of ``surface_points``, and their local coordinate through the thickness
 SURFACES = ("bottom", "middle", "top")
 HEIGHTS = {"bottom": -1.0, "middle": 0.0, "top": 1.0}
 
@@ -126,14 +126,18 @@ def flat_points(mesh: DeviceMesh) -> np.ndarray:
     return np.einsum("gn,mnk->mgk", values, mesh.nodes[mesh.quads])
 
 
-def by_surface(values: np.ndarray) -> np.ndarray:
-    """Values (m, 12, ...) at ``surface_points`` as (m, 3, 4, ...): element, surface, point."""
-    return values.reshape(len(values), 3, 4, *values.shape[2:])
+#: order of the three surfaces wherever results are stored: the inner one faces the ventricle
+SIDES = ("inner", "middle", "outer")
 
 
-def inner_surface(mesh: DeviceMesh) -> np.ndarray:
-    """Index (m,) into ``SURFACES`` of the side that faces the ventricle: the bottom on the front, the top on the back."""
-    return np.where(mesh.face == 0, 0, 2)
+def inside_out(mesh: DeviceMesh, values: np.ndarray) -> np.ndarray:
+    """Values (m, 12, ...) at ``surface_points`` as (m, 3, 4, ...): element, inner/middle/outer surface, point.
+
+    The ventricle lies below the fabric on the front and above it on the back.
+    """
+    split = values.reshape(len(values), 3, 4, *values.shape[2:])
+    front = (mesh.face == 0).reshape(-1, *[1] * (split.ndim - 1))
+    return np.where(front, split, split[:, ::-1])
 
 
 def nodal(mesh: DeviceMesh, values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from limo.layer import SURFACES, by_surface, flat_areas, flat_points, layer_state, surface_points
+from limo.layer import SIDES, flat_areas, flat_points, inside_out, layer_state, surface_points
 from limo.model import Model
 from limo.zones import ZONES
 
@@ -43,15 +43,15 @@ def top_share(values: np.ndarray, areas: np.ndarray, zone: np.ndarray, fraction:
 
 
 def von_mises_map(model: Model, displacements: np.ndarray, source: object = "frame") -> np.ndarray:
-    """Von Mises stress (m, 3, 4) in MPa: element, bottom/middle/top surface, 2 x 2 Gauss point."""
-    return by_surface(layer_state(model, displacements, surface_points(), source).von_mises)
+    """Von Mises stress (m, 3, 4) in MPa: element, inner/middle/outer surface, 2 x 2 Gauss point."""
+    return inside_out(model.mesh, layer_state(model, displacements, surface_points(), source).von_mises)
 
 
 @dataclass(frozen=True)
 class StressSummary:
     """Von Mises stress of a frame, in MPa over the flat area.
 
-    ``top``, ``largest``, ``p99``: of the largest value through the thickness (bottom, middle, top); ``top_middle``: of the
+    ``top``, ``largest``, ``p99``: of the largest value through the thickness (inner, middle, outer); ``top_middle``: of the
     middle surface alone, where bending adds nothing. ``share`` (len(ZONES),): where the top 5 % of the area lie.
     ``x``, ``y`` (mm, flat), ``zone`` and ``surface``: where the largest value is.
     """
@@ -82,5 +82,5 @@ def summarise(model: Model, stress: np.ndarray, zone: np.ndarray) -> StressSumma
         x=float(where[0]),
         y=float(where[1]),
         zone=ZONES[zone[element, point]],
-        surface=SURFACES[int(stress[element, :, point].argmax())],
+        surface=SIDES[int(stress[element, :, point].argmax())],
     )

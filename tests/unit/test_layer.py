@@ -12,10 +12,9 @@ from limo.kinematics import green_lagrange, lame
 from limo.layer import (
     HEIGHTS,
     SURFACES,
-    by_surface,
     flat_areas,
     flat_points,
-    inner_surface,
+    inside_out,
     integration_points,
     layer_state,
     nodal,
@@ -26,6 +25,11 @@ from .patches import curved_patch, grid, patch_mesh, patch_model
 
 E, NU = 267.0, 0.33
 LAM, MU = lame(E, NU)
+
+
+def split(values):
+    """(m, 12, ...) -> (m, 3, 4, ...): bottom, middle, top."""
+    return values.reshape(len(values), 3, 4, *values.shape[2:])
 
 
 def in_one(deformation):
@@ -122,7 +126,7 @@ def test_bending_is_tension_on_top_and_compression_below(make_case):
     model = patch_model(case, patch_mesh(base, quads))
     x, y, z = model.nodes.T
     rolled = np.stack([(radius + z) * np.sin(x / radius), y, (radius + z) * np.cos(x / radius) - radius], axis=1)
-    strain = by_surface(layer_state(model, rolled - model.nodes, surface_points()).strain)[..., 0, 0]
+    strain = split(layer_state(model, rolled - model.nodes, surface_points()).strain)[..., 0, 0]
     t = case.device.material.thickness
     for k, surface in enumerate(SURFACES):
         stretch = 1 + HEIGHTS[surface] * t / 2 / radius
@@ -134,7 +138,7 @@ def test_inflated_patches_carry_the_stress_of_their_closed_form(make_case, kind)
     errors = []
     for elements in (2, 4):
         model, moved, hoop, other, _ = curved_patch(make_case(), kind, 15.0, 1.04, elements)
-        middle = by_surface(layer_state(model, moved, surface_points()).cauchy)[:, 1]
+        middle = split(layer_state(model, moved, surface_points()).cauchy)[:, 1]
         values = np.linalg.eigvalsh(middle)
         expected = sorted([hoop, other, 0.0])
         errors.append(np.abs(values - expected).max() / hoop)
@@ -166,11 +170,12 @@ def test_values_carried_to_nodes_are_exact_for_a_linear_field_and_keep_layers_ap
     assert len(values) > len(mesh.nodes)
 
 
-def test_the_side_of_the_ventricle_is_below_on_the_front_and_above_on_the_back(device_mesh):
+def test_the_inner_surface_is_below_on_the_front_and_above_on_the_back(device_mesh):
     mesh = device_mesh("limo", 8, "full")
-    inner = inner_surface(mesh)
-    assert set(inner[mesh.face == 0]) == {SURFACES.index("bottom")}
-    assert set(inner[mesh.face == 1]) == {SURFACES.index("top")}
+    heights = np.broadcast_to(surface_points()[:, 2], (len(mesh.quads), 12))
+    ordered = inside_out(mesh, heights)
+    assert (ordered[mesh.face == 0] == np.array([-1.0, 0.0, 1.0])[:, None]).all()
+    assert (ordered[mesh.face == 1] == np.array([1.0, 0.0, -1.0])[:, None]).all()
 
 
 @pytest.mark.parametrize(

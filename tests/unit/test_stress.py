@@ -85,7 +85,7 @@ def test_summary_of_a_map_finds_its_largest_value(make_case, device_mesh):
     stress = np.ones((len(mesh.quads), 3, 4))
     stress[17, 2, 3] = 50.0
     found = summarise(model, stress, zone)
-    assert (found.largest, found.surface) == (50.0, "top")
+    assert (found.largest, found.surface) == (50.0, "outer")
     assert (found.x, found.y) == pytest.approx(tuple(flat_points(mesh)[17, 3, :2]))
     assert found.zone == ZONES[zone[17, 3]]
     assert found.top_middle == pytest.approx(1.0)
