@@ -6,10 +6,11 @@ from snakemake.exceptions import WorkflowError
 
 sys.path.insert(0, str(Path(workflow.basedir) / "scripts"))
 
-from limo.case import GATHER_CODE, MESH_CODE, SOLVE_CODE, all_cases, code_digest, study_cases
+from limo.case import FIELD_CODE, GATHER_CODE, MEASURE_CODE, MESH_CODE, SOLVE_CODE, all_cases, code_digest, study_cases
 from limo.config import load_config
 from limo.engines.calculix import find_ccx
 from limo.errors import LimoError
+from limo.measures import wanted_cases
 
 CONFIG_FILE = config.get("file", "config/config.yaml")
 try:
@@ -19,6 +20,7 @@ except LimoError as error:
     raise WorkflowError(str(error)) from None
 
 CASES = all_cases(LOADED)
+WANTED = wanted_cases(LOADED)
 MESHES = {case.mesh_id: case for case in CASES.values()}
 STUDIES = {name: study_cases(LOADED, name) for name in LOADED.studies}
 
@@ -36,6 +38,7 @@ wildcard_constraints:
 
 include: "workflow/rules/mesh.smk"
 include: "workflow/rules/solve.smk"
+include: "workflow/rules/measure.smk"
 include: "workflow/rules/aggregate.smk"
 include: "workflow/rules/figures.smk"
 

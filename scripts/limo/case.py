@@ -17,8 +17,11 @@ PACKAGE = Path(__file__).parent
 #: modules whose code decides what a mesh, and what a solution, looks like
 MESH_CODE = ("geometry", "mesh", "elements")
 SOLVE_CODE = (*MESH_CODE, "model", "deck", "frd", "volumes", "energy", "kinematics", "engines.calculix", "solution")
+#: modules whose code decides what is measured of a solved case, and what is drawn of it for ParaView
+FIELD_CODE = ("elements", "kinematics", "mesh", "model", "constitutive", "layer", "zones", "strain", "fatigue")
+MEASURE_CODE = (*FIELD_CODE, "stress", "equilibrium", "buckling", "contact", "measures")
 #: modules whose code decides what a study's dataset holds
-GATHER_CODE = ("dataset", "efficiency", "solution")
+GATHER_CODE = ("dataset", "efficiency", "solution", "measures")
 
 
 def number_label(value: float) -> str:

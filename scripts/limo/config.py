@@ -685,15 +685,27 @@ def _check_names(path: Path, key: str, value: str, known: dict[str, Any], *, lis
 
 def _check_study(loaded: Loaded, path: Path, study: Study) -> None:
     """What a study names must exist, and its pressures must fit together."""
-    from limo.figures import FIGURES
+    from limo.figures import FIGURES, NEEDS
     from limo.geometry import flat_pattern
 
     _check_names(path, "device", study.device, loaded.devices)
     if study.numerics:
         _check_names(path, "numerics", study.numerics, loaded.config.numerics_presets)
     _check_names(path, "mesh.level", loaded.mesh_of(study).level, loaded.config.mesh_levels)
+    if study.measures and loaded.mesh_of(study).element.startswith("S8"):
+        element = loaded.mesh_of(study).element
+        raise ConfigError(
+            path,
+            "outputs",
+            study.outputs,
+            f"volumes only with element {element}, which keeps no displacements through the thickness",
+            "mesh: {level: preview, symmetry: quarter, element: C3D20R}",
+        )
     for figure in study.figures:
         _check_names(path, "figures", figure, dict.fromkeys(FIGURES), listed=True)
+        if (needed := NEEDS.get(figure, "volumes")) not in ("volumes", *study.outputs):
+            expected = f"{needed} among them, which the figure {figure} shows"
+            raise ConfigError(path, "outputs", study.outputs, expected, f"outputs: [volumes, {needed}]")
     if study.measured and not Path(study.measured).is_file():
         raise ConfigError(path, "measured", study.measured, "a readable CSV file", "measured: config/measured/arfaee2025.csv")
     for pressure in study.axes.ventricular_pressure:
@@ -715,10 +727,11 @@ def _check_study(loaded: Loaded, path: Path, study: Study) -> None:
                 f"more than P_v = {pressure} kPa, or nothing inflates",
                 f"actuation_pressure_max: {pressure + 60:g}",
             )
-        if beyond := [f for f in study.frames if not isinstance(f, str) and f > maximum]:
-            raise ConfigError(
-                path, "frames", beyond[0], f"pressures up to actuation_pressure_max = {maximum:g} kPa", "frames: [0, max]"
-            )
+        for key in ("frames", "fields_at"):
+            if beyond := [f for f in getattr(study, key) if not isinstance(f, str) and f > maximum]:
+                raise ConfigError(
+                    path, key, beyond[0], f"pressures up to actuation_pressure_max = {maximum:g} kPa", f"{key}: [0, max]"
+                )
     device = loaded.devices[study.device]
     for scale in study.axes.width_scale or [device.pattern.width_scale]:
         for n_pouches in study.axes.n_pouches:

@@ -18,6 +18,7 @@ from limo.config import Loaded
 from limo.efficiency import efficiency_at_stroke, io_ratio
 from limo.errors import ResultError
 from limo.files import read_json
+from limo.measures import gather_measures
 from limo.solution import ramp_of
 
 STROKE_FOR_EFFICIENCY = 90.0  # ml, physiological stroke volume (paper, Afterload sensitivity)
@@ -143,6 +144,9 @@ def gather_study(loaded: Loaded, name: str, case_folder: Path) -> xr.Dataset:
         coords=coords | {"actuation_pressure": pressures},
         attrs=_attributes(loaded, name),
     )
+    if study.measures:
+        measured = gather_measures(loaded, name, cases, coords, case_folder)
+        dataset = dataset.merge(measured).assign_attrs(measured.attrs)
     for coordinate, (units, long_name) in COORDINATES.items():
         dataset[coordinate].attrs = {"units": units, "long_name": long_name}
     if axes.width_scale is None:

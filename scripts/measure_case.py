@@ -1,0 +1,15 @@
+"""Measure one solved case (rule measure_case). A case that cannot be measured says so and lets the sweep go on."""
+
+from pathlib import Path
+
+from limo.case import Case
+from limo.config import Fatigue
+from limo.door import logged
+from limo.measures import Wanted, measure_case
+
+with logged(snakemake.log[0]) as log:  # noqa: F821
+    case = Case.from_dict(snakemake.params.case)  # noqa: F821
+    wanted = Wanted.from_dict(snakemake.params.wanted)  # noqa: F821
+    fatigue = Fatigue.model_validate(snakemake.params.fatigue)  # noqa: F821
+    measured = measure_case(case, wanted, fatigue, Path(snakemake.input.mesh), Path(snakemake.output[0]).parent)  # noqa: F821
+    log.info("%s %s", measured.attrs["status"], measured.attrs["reason"])

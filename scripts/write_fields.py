@@ -1,0 +1,16 @@
+"""Write the fields of one case for ParaView (rule write_fields)."""
+
+from pathlib import Path
+
+from limo.case import Case
+from limo.config import Fatigue
+from limo.door import logged
+from limo.measures import Wanted
+from limo.vtu import write_fields
+
+with logged(snakemake.log[0]) as log:  # noqa: F821
+    case = Case.from_dict(snakemake.params.case)  # noqa: F821
+    wanted = Wanted.from_dict(snakemake.params.wanted)  # noqa: F821
+    fatigue = Fatigue.model_validate(snakemake.params.fatigue)  # noqa: F821
+    written = write_fields(case, wanted, fatigue, Path(snakemake.input.mesh), Path(snakemake.output[0]))  # noqa: F821
+    log.info("%d files", written)
