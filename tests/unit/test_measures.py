@@ -235,7 +235,7 @@ def edit(file, change):
         data = data.isel(frame=slice(0, 0))
     else:
         change(data.displacement.values)
-    data.displacement.encoding = {}
+    data = data.drop_encoding()
     data.to_netcdf(file)
 
 

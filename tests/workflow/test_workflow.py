@@ -121,3 +121,23 @@ def test_a_change_of_style_draws_the_figures_again_and_nothing_else(solved, tmp_
 
 def test_the_unsolved_project_is_valid(tmp_path):
     assert make_project(tmp_path).planned()["solve_case"] == 2
+
+
+def test_nothing_is_measured_for_a_study_of_volumes_alone(project):
+    planned = project.planned("tiny")
+    assert "measure_case" not in planned
+    assert "write_fields" not in planned
+
+
+def test_only_cases_of_studies_that_ask_are_measured(project):
+    """Of two studies that share a case the one that asks for stress has it measured; fields are written only on demand."""
+    text = (project.folder / "config/studies/tiny.yaml").read_text()
+    asking = project.folder / "config/studies/asking.yaml"
+    asking.write_text(text.replace("- 4\n", "").replace("[4, 8]", "[8]") + "outputs: [volumes, stress]\n")
+    planned = project.planned("tiny", "asking")
+    assert planned["solve_case"] == 2
+    assert planned["measure_case"] == 1
+    assert "write_fields" not in planned
+    asking.write_text(asking.read_text().replace("[volumes, stress]", "[volumes, stress, fields]"))
+    assert project.planned("tiny", "asking")["write_fields"] == 1
+    assert "measure_case" not in project.planned("tiny")

@@ -9,5 +9,7 @@ def study_targets(name):
     figures = expand(
         "results/studies/{study}/figures/{figure}.{kind}", study=name, figure=LOADED.studies[name].figures, kind=["png", "pdf"]
     )
-    fields = [f"results/cases/{case.case_id}/fields" for case in STUDIES[name].values() if "fields" in LOADED.studies[name].outputs]
+    fields = [
+        f"results/cases/{case.case_id}/fields" for case in STUDIES[name].values() if "fields" in LOADED.studies[name].outputs
+    ]
     return [f"results/studies/{name}/study.nc", *figures, *fields]
