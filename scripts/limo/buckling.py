@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+MOST_EVENTS = 10  # events that results have room for
+
 
 @dataclass(frozen=True)
 class Event:
@@ -67,6 +69,11 @@ def events(
     return found
 
 
+def largest_events(found: list[Event]) -> list[Event]:
+    """The ``MOST_EVENTS`` with the largest jumps, in the order in which they happen."""
+    return sorted(sorted(found, key=lambda e: -abs(e.jump))[:MOST_EVENTS], key=lambda e: e.before)
+
+
 def _usual_slope(start: np.ndarray, end: np.ndarray, slope: np.ndarray, window: float) -> np.ndarray:
     """Median slope (n,) over pressure, within half a ``window`` of the middle of each increment."""
     grid = np.linspace(start[0], end[-1], max(int((end[-1] - start[0]) / window * 200), 200))
@@ -74,17 +81,6 @@ def _usual_slope(start: np.ndarray, end: np.ndarray, slope: np.ndarray, window: 
     middle = 0.5 * (start + end)
     half = np.maximum(0.5 * window, end - start)
     return np.array([np.median(at[np.abs(grid - m) <= h]) for m, h in zip(middle, half, strict=True)])
-
-
-def frames_around(event: Event, frame_pressure: np.ndarray, within: float = 5.0) -> tuple[int, int] | None:
-    """Indices of the stored frames (f,) in kPa next below and next above an event; None when one is not ``within`` kPa of it."""
-    pressure = np.asarray(frame_pressure, float)
-    below = np.flatnonzero(pressure <= event.before + 1e-9)
-    above = np.flatnonzero(pressure >= event.after - 1e-9)
-    if not len(below) or not len(above):
-        return None
-    first, last = int(below[np.argmax(pressure[below])]), int(above[np.argmin(pressure[above])])
-    return (first, last) if max(event.before - pressure[first], pressure[last] - event.after) <= within else None
 
 
 def displacement_difference(before: np.ndarray, after: np.ndarray, length: float) -> np.ndarray:

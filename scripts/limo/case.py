@@ -16,7 +16,7 @@ from limo.config import Device, Loaded, Mesh, MeshLevel, Numerics
 PACKAGE = Path(__file__).parent
 #: modules whose code decides what a mesh, and what a solution, looks like
 MESH_CODE = ("geometry", "mesh", "elements")
-SOLVE_CODE = (*MESH_CODE, "model", "deck", "frd", "volumes", "energy", "kinematics", "engines.calculix", "solution")
+SOLVE_CODE = (*MESH_CODE, "model", "deck", "frd", "volumes", "energy", "kinematics", "buckling", "engines.calculix", "solution")
 #: modules whose code decides what is measured of a solved case, and what is drawn of it for ParaView
 FIELD_CODE = ("elements", "kinematics", "mesh", "model", "constitutive", "layer", "zones", "strain", "fatigue")
 MEASURE_CODE = (*FIELD_CODE, "stress", "equilibrium", "buckling", "contact", "measures")

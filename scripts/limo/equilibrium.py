@@ -120,7 +120,7 @@ class Residual:
 
     ``full``: all nodal forces; ``resultant``: their sums over the thickness, where nothing is constrained; ``floor`` and
     ``resultant_floor``: what rounding of the displacements to single precision alone amounts to. ``viscous``: the
-    damping and inertia forces over the applied load, NaN where no velocity is known: the residual then contains them.
+    damping and inertia forces over the applied load, NaN where no motion is known: the residual then contains them.
     """
 
     full: float
@@ -134,20 +134,22 @@ def residual(
     model: Model,
     displacements: np.ndarray,
     actuation_pressure: float,
-    velocity: np.ndarray | None = None,
+    motion: np.ndarray | None = None,
     damping: float = 0.0,
     source: object = "frame",
 ) -> Residual:
     """Residual of a frame: ``displacements`` (n, 3) in mm at P_a in kPa.
 
-    ``velocity`` (n, 3) in mm/s on the solver's clock and ``damping`` in 1/s give the viscous forces; the acceleration is not
-    stored (with the damping of a quasi-static run it is smaller by damping times the increment).
+    ``motion`` (2, n, 3), velocity in mm/s and acceleration in mm/s^2 on the solver's clock, and ``damping`` in 1/s give the
+    viscous forces and inertia.
     """
     u = _with_references(model, np.asarray(displacements, float))
     project = reduction(model)
     loaded = pressure_forces(model, u, actuation_pressure)
     inside = internal_forces(model, u, source)
-    viscous = np.zeros_like(inside) if velocity is None else damping * mass_forces(model, velocity)
+    viscous = np.zeros_like(inside)
+    if motion is not None:
+        viscous = mass_forces(model, damping * _with_references(model, motion[0]) + _with_references(model, motion[1]))
     free = _unconstrained(model)
     load = np.linalg.norm(project @ loaded.ravel()) or 1.0
     load_sum = np.linalg.norm(through_thickness(model, loaded)[free]) or 1.0
@@ -160,7 +162,7 @@ def residual(
     return Residual(
         *norms(inside - loaded + viscous),
         *norms(shaken - inside),
-        viscous=float("nan") if velocity is None else norms(viscous)[0],
+        viscous=float("nan") if motion is None else norms(viscous)[0],
     )
 
 

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from limo.buckling import displacement_difference, events, frames_around
+from limo.buckling import MOST_EVENTS, displacement_difference, events, largest_events
 from limo.case import Case, study_cases
 from limo.config import OUTPUTS, Fatigue, Loaded
 from limo.constitutive import principal
@@ -34,7 +34,6 @@ from limo.stress import area_quantile, summarise, top_average
 from limo.zones import ZONES, distances, zone_of
 
 log = logging.getLogger(__name__)
-MOST_EVENTS = 10  # buckling events that a dataset has room for
 
 
 @dataclass(frozen=True)
@@ -66,7 +65,7 @@ MEASURES = {
     "residual_floor": Measure(("frame",), "1", "part of the residual that single precision explains", "stress"),
     "residual_full": Measure(("frame",), "1", "nodal forces out of equilibrium over the applied load", "stress"),
     "residual_full_floor": Measure(("frame",), "1", "part of the full residual that single precision explains", "stress"),
-    "viscous_share": Measure(("frame",), "1", "damping forces over the applied load", "stress"),
+    "viscous_share": Measure(("frame",), "1", "damping and inertia over the applied load", "stress"),
     "strain_peak": Measure(("frame", "side"), "1", f"largest principal strain in the fabric's plane, E_1, {_TOP}", "strain"),
     "strain_max": Measure(("frame", "side"), "1", "largest principal strain in the fabric's plane, E_1, its maximum", "strain"),
     "strain_p99": Measure(("frame", "side"), "1", "E_1 not exceeded on 99 % of the area", "strain"),
@@ -86,8 +85,6 @@ MEASURES = {
     "buckling_after": Measure(("event",), "kPa", "first actuation pressure after a buckling event, P_a,c+"),
     "buckling_jump": Measure(("event",), "ml", "jump of the stroke volume in a buckling event"),
     "buckling_displacement": Measure(("event",), "1", "largest displacement difference across an event, over the length"),
-    "buckling_frame_before": Measure(("event",), "kPa", "actuation pressure of the frame used before the event"),
-    "buckling_frame_after": Measure(("event",), "kPa", "actuation pressure of the frame used after the event"),
     "contact_front_back_clear": Measure((), "kPa", "highest P_a of a frame before front and back would touch"),
     "contact_front_back": Measure((), "kPa", "lowest P_a of a frame in which front and back would touch"),
     "contact_endo_epi_clear": Measure((), "kPa", "highest P_a of a frame before endocardium and epicardium would cross"),
@@ -156,14 +153,17 @@ def wanted_cases(loaded: Loaded, studies: Iterable[str] | None = None) -> dict[s
 class CaseFrames:
     """The stored displacements of a case: ``requested`` and ``pressure`` (f,) in kPa, ``displacement`` (f, n, 3) in mm.
 
-    ``velocity`` (f, n, 3) in mm/s on the solver's clock, where the frames have one.
+    ``motion`` (f, 2, n, 3): velocity and acceleration in mm/s and mm/s^2 on the solver's clock. ``event_pressure`` (e, 2) in kPa
+    and ``event_displacement`` (e, 2, n, 3) in mm: before and after each buckling event.
     """
 
     file: Path
     requested: np.ndarray
     pressure: np.ndarray
     displacement: np.ndarray
-    velocity: np.ndarray | None
+    motion: np.ndarray
+    event_pressure: np.ndarray
+    event_displacement: np.ndarray
 
     def find(self, requested: float) -> int | None:
         """Index of the frame kept for a pressure (kPa); None when the case did not get there."""
@@ -181,7 +181,9 @@ def read_frames(file: Path, n_nodes: int) -> CaseFrames:
             data.requested_pressure.values.astype(float),
             data.actuation_pressure.values.astype(float),
             data.displacement.values,
-            data.velocity.values if "velocity" in data else None,
+            data.motion.values,
+            data.event_pressure.values,
+            data.event_displacement.values,
         )
     except (OSError, ValueError, KeyError, AttributeError) as error:
         raise ResultError(f"{file}: not the frames of a case ({error})") from None
@@ -284,10 +286,8 @@ def _stress(values: dict, k: int, model: Model, stress: np.ndarray, zone: np.nda
 def _equilibrium(values: dict, k: int, model: Model, frames: CaseFrames, at: int, source: str) -> None:
     numerics = model.case.numerics
     damping = max(stage.damping for stage in (numerics.fit, numerics.hold, numerics.ramp))
-    velocity = None if frames.velocity is None else frames.velocity[at].astype(float)
-    if velocity is not None and not np.isfinite(velocity).all():
-        velocity = None
-    found = residual(model, frames.displacement[at].astype(float), frames.pressure[at], velocity, damping, source)
+    motion = frames.motion[at].astype(float) if np.isfinite(frames.motion[at]).all() else None
+    found = residual(model, frames.displacement[at].astype(float), frames.pressure[at], motion, damping, source)
     values["residual"][k], values["residual_floor"][k] = found.resultant, found.resultant_floor
     values["residual_full"][k], values["residual_full_floor"][k] = found.full, found.floor
     values["viscous_share"][k] = found.viscous
@@ -347,25 +347,24 @@ def _buckling(values: dict, model: Model, frames: CaseFrames, folder: Path) -> d
         raise ResultError(f"{folder / 'volumes.nc'}: not the volumes of a case ({error})") from None
     volume = ramp.ventricle_volume.values
     found = events(ramp.actuation_pressure.values, volume[:1] - volume)
-    largest_first = sorted(found, key=lambda e: -abs(e.jump))[:MOST_EVENTS]
     differences = {}
-    for k, event in enumerate(sorted(largest_first, key=lambda e: e.before)):
+    for k, event in enumerate(largest_events(found)):
         values["buckling_before"][k], values["buckling_after"][k], values["buckling_jump"][k] = (
             event.before,
             event.after,
             event.jump,
         )
-        if (around := frames_around(event, frames.pressure)) is not None:
-            before, after = (model.expansion.midsurface(frames.displacement[i].astype(float)) for i in around)
+        stored = np.flatnonzero(np.isclose(frames.event_pressure, (event.before, event.after), atol=1e-6).all(axis=1))
+        if len(stored):
+            before, after = model.expansion.midsurface(frames.event_displacement[stored[0]].astype(float))
             differences[k] = displacement_difference(before, after, model.case.device.pattern.length)
             values["buckling_displacement"][k] = differences[k].max()
-            values["buckling_frame_before"][k], values["buckling_frame_after"][k] = frames.pressure[list(around)]
     if not differences:
         return {}
     field = np.full((MOST_EVENTS, len(model.mesh.nodes)), np.nan, np.float32)
     for k, difference in differences.items():
         field[k] = difference
-    long_name = "displacement difference between the frames around an event, over the device length"
+    long_name = "displacement difference across an event, over the device length"
     return {"buckling_difference": (("event", "node"), field, {"units": "1", "long_name": long_name})}
 
 

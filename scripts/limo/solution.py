@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
+from limo.buckling import Event, events, largest_events
 from limo.case import Case
 from limo.config import Solver
 from limo.deck import StageTime, actuation_pressure_at, write_deck
@@ -100,7 +101,9 @@ def _harvest(
     path = run_folder / f"{calculix.JOB}.frd"
     rows: list[tuple[float, ...]] = []
     frames: list[np.ndarray] = []
+    motions: list[np.ndarray] = []
     kept: list[tuple[float, float]] = []
+    around: dict[Event, list[np.ndarray]] = {}
     error = ""
     if path.exists() and accepted:
         try:
@@ -114,10 +117,18 @@ def _harvest(
                         break
                     rows.append((frame.time, *_volumes(model, u)))
                 chosen = _nearest_increments(case, times, np.array([r[0] for r in rows]))
+
+                def displacements(k: int) -> np.ndarray:
+                    return frd.displacements(usable[k], len(model.nodes))[: model.reference_start]
+
                 for wanted, k, pressure in chosen:
-                    u = frd.displacements(usable[k], len(model.nodes))
-                    frames.append(u[: model.reference_start].astype(np.float32))
+                    frames.append(displacements(k).astype(np.float32))
+                    motions.append(
+                        _motion([displacements(j) for j in range(max(k - 2, 0), k + 1)], [r[0] for r in rows[: k + 1]])
+                    )
                     kept.append((wanted, pressure))
+                for event, ends in _event_increments(_history(case, times, np.array(rows, float).reshape(-1, 7))).items():
+                    around[event] = [displacements(k) for k in ends]
         except ResultError as problem:
             error = str(problem)
     history = _history(case, times, np.array(rows, float).reshape(-1, 7))
@@ -127,9 +138,25 @@ def _harvest(
                 ("frame", "node", "axis"),
                 np.array(frames, np.float32).reshape(-1, model.reference_start, 3),
                 {"units": "mm", "long_name": "displacement from the flat state"},
-            )
+            ),
+            "motion": (
+                ("frame", "derivative", "node", "axis"),
+                np.array(motions, np.float32).reshape(-1, 2, model.reference_start, 3),
+                {"long_name": "velocity in mm/s and acceleration in mm/s2 on the solver's clock, from the increments before"},
+            ),
+            "event_displacement": (
+                ("event", "end", "node", "axis"),
+                np.array(list(around.values()), np.float32).reshape(-1, 2, model.reference_start, 3),
+                {"units": "mm", "long_name": "displacement in the increments before and after a buckling event"},
+            ),
         },
         coords={
+            "event_pressure": (
+                ("event", "end"),
+                np.array([(e.before, e.after) for e in around], float).reshape(-1, 2),
+                {"units": "kPa", "long_name": "actuation pressures before and after a buckling event"},
+            ),
+            "derivative": ["velocity", "acceleration"],
             "requested_pressure": ("frame", [k[0] for k in kept], {"units": "kPa", "long_name": "pressure asked for"}),
             "actuation_pressure": (
                 "frame",
@@ -141,6 +168,33 @@ def _harvest(
         attrs={"case": case.case_id, "symmetry": case.mesh.symmetry},
     )
     return history, dataset, error
+
+
+def _motion(displacements: list[np.ndarray], solver_times: list[float]) -> np.ndarray:
+    """Velocity and acceleration (2, n, 3) from backward differences over up to three increments, the last one now.
+
+    Displacements (n, 3) in mm, times in s; NaN where there are too few increments.
+    """
+    motion = np.full((2, *displacements[-1].shape), np.nan)
+    steps = np.diff(solver_times[-len(displacements) :])
+    velocities = [(b - a) / step for a, b, step in zip(displacements[:-1], displacements[1:], steps, strict=True)]
+    if velocities:
+        motion[0] = velocities[-1]
+    if len(velocities) > 1:
+        motion[1] = 2.0 * (velocities[1] - velocities[0]) / (steps[0] + steps[1])
+    return motion
+
+
+def _event_increments(history: xr.Dataset) -> dict[Event, tuple[int, int]]:
+    """The buckling events of a case and the increments before and after each; the largest in rising order."""
+    ramp = ramp_of(history)
+    if not ramp.sizes["increment"]:
+        return {}
+    first = history.sizes["increment"] - ramp.sizes["increment"]
+    pressure, volume = ramp.actuation_pressure.values, ramp.ventricle_volume.values
+    found = largest_events(events(pressure, volume[0] - volume))
+    places = [[first + int(np.argmin(np.abs(pressure - p))) for p in (e.before, e.after)] for e in found]
+    return {event: tuple(ends) for event, ends in zip(found, places, strict=True)}
 
 
 def _volumes(model: Model, u: np.ndarray) -> tuple[float, ...]:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.special import expit
 
-from limo.buckling import Event, displacement_difference, events, frames_around
+from limo.buckling import Event, displacement_difference, events, largest_events
 
 
 def curve(p, jumps=()):
@@ -51,11 +51,12 @@ def test_nan_and_repeated_pressures_are_passed_over():
     assert events(p, p.copy()) == []
 
 
-def test_frames_around_an_event():
-    event = Event(20.0, 21.0, 5.0)
-    assert frames_around(event, np.array([0.0, 18.0, 22.0, 60.0])) == (1, 2)
-    assert frames_around(event, np.array([0.0, 60.0])) is None
-    assert frames_around(event, np.array([0.0, 20.5])) is None
+def test_the_largest_events_come_in_the_order_of_pressure():
+    found = [Event(float(k), k + 0.1, jump) for k, jump in enumerate([5.0, *[1.0] * 12, -9.0])]
+    largest = largest_events(found)
+    assert len(largest) == 10
+    assert {largest[0].jump, largest[-1].jump} == {5.0, -9.0}
+    assert [e.before for e in largest] == sorted(e.before for e in largest)
 
 
 def test_displacement_difference_is_over_the_length():

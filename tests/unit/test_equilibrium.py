@@ -126,10 +126,12 @@ def test_residual_of_a_frame_out_of_equilibrium_is_of_the_order_of_its_load(devi
     assert np.isnan(found.viscous)
 
 
-def test_viscous_forces_are_counted_when_a_velocity_is_known(device):
+def test_viscous_forces_are_counted_and_inertia_when_the_motion_is_known(device):
     u = np.zeros_like(device.nodes)
-    found = residual(device, u, 0.0, velocity=np.ones_like(u), damping=1e6)
+    found = residual(device, u, 0.0, motion=np.stack([1.5 * np.ones_like(u), np.zeros_like(u)]), damping=1e6)
+    twice = residual(device, u, 0.0, motion=np.stack([np.ones_like(u), 2e6 * np.ones_like(u)]), damping=1e6)
     assert found.viscous > 0
+    assert twice.viscous == pytest.approx(2 * found.viscous)
 
 
 def test_rounding_noise_is_that_of_single_precision():

@@ -63,11 +63,6 @@ def solved(tmp_path_factory, loaded, device_mesh):
 def write_case(folder, model, displacements):
     folder.mkdir(parents=True, exist_ok=True)
     pressures = list(displacements)
-    frames = xr.Dataset(
-        {"displacement": (("frame", "node", "axis"), np.array(list(displacements.values()), np.float32))},
-        coords={"requested_pressure": ("frame", pressures), "actuation_pressure": ("frame", pressures)},
-    )
-    frames.to_netcdf(folder / "frames.nc")
     p = np.unique(np.concatenate([np.linspace(0, 60, 121), 20 + np.linspace(0, 0.2, 5)]))
     volume = 400 - 80 * p / 60 - 10 * (p > 20.1)
     history = xr.Dataset(
@@ -75,6 +70,19 @@ def write_case(folder, model, displacements):
         coords={"actuation_pressure": ("increment", p), "stage": ("increment", np.where(p > 0, 2, 1))},
     )
     history.to_netcdf(folder / "volumes.nc")
+    u = np.array(list(displacements.values()), np.float32)
+    frames = xr.Dataset(
+        {
+            "displacement": (("frame", "node", "axis"), u),
+            "motion": (("frame", "derivative", "node", "axis"), np.zeros((len(u), 2, *u.shape[1:]), np.float32)),
+            "event_displacement": (("event", "end", "node", "axis"), np.stack([0 * u[0], 0 * u[0] + [0, 0, 7.0]])[None]),
+        },
+        coords={
+            "requested_pressure": ("frame", pressures), "actuation_pressure": ("frame", pressures),
+            "event_pressure": (("event", "end"), [[20.1, 20.15]]),
+        },
+    )  # fmt: skip
+    frames.to_netcdf(folder / "frames.nc")
     write_json(folder / "status.json", {"status": "converged", "reason": ""})
 
 
@@ -159,7 +167,8 @@ def test_the_known_jump_is_a_buckling_event(solved):
     assert float(found.buckling_before[0]) == pytest.approx(20.1, abs=0.1)
     assert float(found.buckling_jump[0]) == pytest.approx(10, rel=0.05)
     assert np.isnan(found.buckling_before[1])
-    assert np.isnan(found.buckling_displacement[0])  # no frame is near it
+    assert float(found.buckling_displacement[0]) == pytest.approx(7.0 / 140.0)
+    assert found.buckling_difference.sizes["node"] > 0
 
 
 def test_parameters_of_fatigue_and_their_origins_are_stored(solved):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from limo import solution
 from limo.config import Solver
 from limo.deck import stage_times
 from limo.energy import stored_energy
@@ -154,3 +155,14 @@ def test_energy_balance_spans_the_kept_frames(solved):
     parts = status["actuation_work_mj"] + status["ventricular_work_mj"] - status["strain_energy_change_mj"]
     assert status["dissipated_mj"] == pytest.approx(parts, abs=1e-3)
     assert (status["energy_from_kpa"], status["energy_to_kpa"]) == pytest.approx((0.0, 60.0))
+
+
+def test_motion_is_exact_for_a_constant_acceleration_over_unequal_increments():
+    """u = a t^2 / 2: backward differences give a at once, and the velocity at the middle of the last increment."""
+    times = [1.0, 1.5, 1.7]
+    states = [0.5 * t**2 * np.array([[3.0, 0.0, -1.0]]) for t in times]
+    motion = solution._motion(states, times)
+    np.testing.assert_allclose(motion[1], [[3.0, 0.0, -1.0]])
+    np.testing.assert_allclose(motion[0], 1.6 * np.array([[3.0, 0.0, -1.0]]))
+    assert np.isnan(solution._motion(states[:1], times[:1])).all()
+    assert np.isnan(solution._motion(states[:2], times[:2])[1]).all()
