@@ -153,15 +153,15 @@ def wanted_cases(loaded: Loaded, studies: Iterable[str] | None = None) -> dict[s
 class CaseFrames:
     """The stored displacements of a case: ``requested`` and ``pressure`` (f,) in kPa, ``displacement`` (f, n, 3) in mm.
 
-    ``motion`` (f, 2, n, 3): velocity and acceleration in mm/s and mm/s^2 on the solver's clock. ``event_pressure`` (e, 2) in kPa
-    and ``event_displacement`` (e, 2, n, 3) in mm: before and after each buckling event.
+    ``motion`` (f, 2, n, 3): velocity and acceleration in mm/s and mm/s^2 on the solver's clock. ``event_pressure`` (e, 2) in
+    kPa and ``event_displacement`` (e, 2, n, 3) in mm: before and after each buckling event. Frames may come without these.
     """
 
     file: Path
     requested: np.ndarray
     pressure: np.ndarray
     displacement: np.ndarray
-    motion: np.ndarray
+    motion: np.ndarray | None
     event_pressure: np.ndarray
     event_displacement: np.ndarray
 
@@ -181,9 +181,9 @@ def read_frames(file: Path, n_nodes: int) -> CaseFrames:
             data.requested_pressure.values.astype(float),
             data.actuation_pressure.values.astype(float),
             data.displacement.values,
-            data.motion.values,
-            data.event_pressure.values,
-            data.event_displacement.values,
+            data.motion.values if "motion" in data else None,
+            data.event_pressure.values if "event_pressure" in data else np.empty((0, 2)),
+            data.event_displacement.values if "event_displacement" in data else np.empty((0, 2, n_nodes, 3)),
         )
     except (OSError, ValueError, KeyError, AttributeError) as error:
         raise ResultError(f"{file}: not the frames of a case ({error})") from None
@@ -286,7 +286,8 @@ def _stress(values: dict, k: int, model: Model, stress: np.ndarray, zone: np.nda
 def _equilibrium(values: dict, k: int, model: Model, frames: CaseFrames, at: int, source: str) -> None:
     numerics = model.case.numerics
     damping = max(stage.damping for stage in (numerics.fit, numerics.hold, numerics.ramp))
-    motion = frames.motion[at].astype(float) if np.isfinite(frames.motion[at]).all() else None
+    known = frames.motion is not None and np.isfinite(frames.motion[at]).all()
+    motion = frames.motion[at].astype(float) if known else None
     found = residual(model, frames.displacement[at].astype(float), frames.pressure[at], motion, damping, source)
     values["residual"][k], values["residual_floor"][k] = found.resultant, found.resultant_floor
     values["residual_full"][k], values["residual_full_floor"][k] = found.full, found.floor
