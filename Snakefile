@@ -6,11 +6,20 @@ from snakemake.exceptions import WorkflowError
 
 sys.path.insert(0, str(Path(workflow.basedir) / "scripts"))
 
-from limo.case import FIELD_CODE, GATHER_CODE, MEASURE_CODE, MESH_CODE, SOLVE_CODE, all_cases, code_digest, study_cases
+from limo.case import (
+    FIELD_CODE,
+    GATHER_CODE,
+    MEASURE_CODE,
+    MESH_CODE,
+    SOLVE_CODE,
+    all_cases,
+    code_digest,
+    study_cases,
+    wanted_cases,
+)
 from limo.config import load_config
 from limo.engines.calculix import find_ccx
 from limo.errors import LimoError
-from limo.measures import wanted_cases
 
 CONFIG_FILE = config.get("file", "config/config.yaml")
 try:

@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
-from limo.case import Case
+from limo.case import Case, Wanted
 from limo.config import Fatigue
 from limo.door import logged
-from limo.measures import Wanted, measure_case
+from limo.measures import measure_case
 
 with logged(snakemake.log[0]) as log:  # noqa: F821
     case = Case.from_dict(snakemake.params.case)  # noqa: F821

@@ -2,10 +2,9 @@
 
 from pathlib import Path
 
-from limo.case import Case
+from limo.case import Case, Wanted
 from limo.config import Fatigue
 from limo.door import logged
-from limo.measures import Wanted
 from limo.vtu import write_fields
 
 with logged(snakemake.log[0]) as log:  # noqa: F821

@@ -15,14 +15,14 @@ from pathlib import Path
 import meshio
 import numpy as np
 
-from limo.case import Case
+from limo.case import Case, Wanted
 from limo.config import Fatigue
 from limo.constitutive import principal
 from limo.elements import QUAD8_MIRROR
 from limo.errors import LimoError
 from limo.fatigue import cycles_to_failure, largest_amplitude
 from limo.layer import SIDES, inside_out, layer_state, nodal, surface_points
-from limo.measures import CaseFrames, Wanted, open_case
+from limo.measures import CaseFrames, open_case
 from limo.model import Model
 from limo.strain import DEVICE_SIDES, Streamline, membrane_principal, streamlines
 from limo.zones import distances

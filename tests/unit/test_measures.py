@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from limo.case import all_cases, study_cases
+from limo.case import Wanted, all_cases, study_cases, wanted_cases
 from limo.config import Fatigue, Loaded, Parameter, Study
 from limo.dataset import gather_study
 from limo.figures import strain_life
 from limo.files import write_json
-from limo.measures import MEASURES, Wanted, gather_measures, measure_case, wanted_cases
+from limo.measures import MEASURES, gather_measures, measure_case
 from limo.mesh import write_mesh
 from limo.model import build_model
 from limo.vtu import frame_fields, mirrored, write_fields
