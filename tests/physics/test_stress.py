@@ -54,12 +54,12 @@ def converged(case, tmp_path_factory):
     case = with_(case, actuation_pressure_max=PRESSURE)
     model = build_model(case, small_mesh(case, 3000, "quarter"))
     deck = folder / "deck.inp"
-    write_deck(model, deck)
+    times = write_deck(model, deck)
     only_last = "*RESTART, WRITE\n*NODE OUTPUT, FREQUENCY=999999\nU\n*EL PRINT, ELSET=DEVICE, FREQUENCY=999999\nS, E\n"
     text, count = re.subn(r"\*NODE OUTPUT, FREQUENCY=1\nU\n", only_last, deck.read_text())
     assert count == 1
     deck.write_text(text)
-    outcome = calculix.run(folder, calculix.find_ccx(Solver()), Solver())
+    outcome = calculix.run(folder, calculix.find_ccx(Solver()), Solver(), times[-1].end)
     assert outcome.status == "converged", outcome.reason
     count = len(model.expansion.nodes)
     with FrdFile(folder / "deck.frd") as frd:
