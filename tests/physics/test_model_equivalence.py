@@ -10,23 +10,24 @@ from limo.model import build_model
 
 from .conftest import small_mesh, with_
 
-SECONDS, INCREMENTS = 0.02, 2  # early in the fit: before the first instability can choose a branch
+SECONDS, INCREMENTS = 0.006, 3  # early in the fit: before the first instability can choose a branch
 
 
 def tight(case):
-    """The case with tight Newton limits, and so little damping that stiffness decides.
+    """The case with tight Newton limits, and so light and little damped that stiffness decides.
 
-    CalculiX integrates the mass of its shells and of bricks by different rules; with the damping of the default preset
-    the first moments of the fit are all mass, and nothing else is compared.
+    CalculiX integrates the mass of its shells and of bricks by different rules: at 170 g/m^2 the first moments of the fit
+    differ by 1 % for that reason alone, at 10 g/m^2 by less than 0.1 %.
     """
     stages = {s: getattr(case.numerics, s).model_copy(update={"damping": 100.0}) for s in ("fit", "hold", "ramp")}
     numerics = case.numerics.model_copy(update={"controls": Controls(residual=1e-4, correction=1e-4), **stages})
-    return with_(case, numerics=numerics)
+    light = case.device.material.model_copy(update={"areal_density": 10.0})
+    return with_(case, numerics=numerics, device=case.device.model_copy(update={"material": light}))
 
 
 @pytest.mark.parametrize(("shell", "brick"), [("S8R", "C3D20R"), ("S8", "C3D20")])
 def test_written_out_bricks_move_like_the_shells_of_calculix(case, tmp_path, run_start, shell, brick):
-    mesh = small_mesh(case, 1800, "full")
+    mesh = small_mesh(case, 3000, "full")
     shells = build_model(with_(tight(case), symmetry="full", element=shell), mesh)
     bricks = build_model(with_(tight(case), symmetry="full", element=brick), mesh, like_shells=True)
     u_shell = run_start(shells, tmp_path / "shell", SECONDS, INCREMENTS)
@@ -38,8 +39,8 @@ def test_written_out_bricks_move_like_the_shells_of_calculix(case, tmp_path, run
 
 @pytest.mark.parametrize("symmetry", ["front_back", "quarter"])
 def test_a_symmetric_part_moves_like_the_full_device(case, tmp_path, run_start, symmetry):
-    whole = small_mesh(case, 1800, "full")
-    part = small_mesh(case, 1800, symmetry)
+    whole = small_mesh(case, 3000, "full")
+    part = small_mesh(case, 3000, symmetry)
     full = build_model(with_(tight(case), symmetry="full"), whole)
     model = build_model(with_(tight(case), symmetry=symmetry), part)
     u_full = run_start(full, tmp_path / "full", SECONDS, INCREMENTS)[full.expansion.bottom]
