@@ -32,7 +32,7 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
     varying = [d for d in dims if dataset.sizes[d] > 1]
     cases = dataset.stack(case=dims) if dims else dataset.expand_dims("case")
     panels = (
-        (axes[0], "actuation_volume_change", "Actuation volume change $\\Delta V_a$ [ml]"),
+        (axes[0], "actuation_volume_change", "Actuation volume $\\Delta V_a$ [ml]"),
         (axes[1], "stroke_volume", "Stroke volume $\\Delta V_v$ [ml]"),
         (axes[2], "io_ratio", "Ratio $\\Delta V_v / \\Delta V_a$ [-]"),
     )

@@ -31,7 +31,7 @@ SETTINGS = {
 }
 
 
-def panels(count: int, width: float = 7.5, height: float = 2.7):
+def panels(count: int, width: float = 7.5, height: float = 3.0):
     """A row of ``count`` panels with letters; sizes in inches."""
     plt.rcParams.update(SETTINGS)
     figure, axes = plt.subplots(1, count, figsize=(width, height), layout="constrained", squeeze=False)
