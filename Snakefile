@@ -31,6 +31,7 @@ except LimoError as error:
 CASES = all_cases(LOADED)
 WANTED = wanted_cases(LOADED)
 MESHES = {case.mesh_id: case for case in CASES.values()}
+LONG_CASES = "|".join(re.escape(name) for name, case in CASES.items() if case.n_pouches <= 8) or "none"
 STUDIES = {name: study_cases(LOADED, name) for name in LOADED.studies}
 
 

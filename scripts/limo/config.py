@@ -24,7 +24,7 @@ Symmetry = Literal["full", "front_back", "quarter"]
 Point = tuple[Annotated[float, Field(ge=0, le=2)], Annotated[float, Field(ge=0, le=1.2)]]
 SplinePoints = Annotated[list[Point], Field(min_length=2)]
 #: rules of the workflow, whose names a study cannot have because it becomes a rule itself
-RULES = ("all", "mesh_device", "solve_case", "gather_study", "draw_figure")
+RULES = ("all", "mesh_device", "solve_case", "solve_long_case", "gather_study", "draw_figure")
 NAME = r"^[A-Za-z][A-Za-z0-9_]*$"
 
 
