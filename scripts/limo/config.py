@@ -292,6 +292,11 @@ class Numerics(Section):
             raise ValueError("first_increment no smaller than smallest_increment")
         return self
 
+    @property
+    def solver_damping(self) -> float:
+        """Damping (1/s) on the solver's clock, of which CalculiX knows one a run: the largest of the stages'."""
+        return max(stage.damping for stage in (self.fit, self.hold, self.ramp))
+
 
 class Solver(Section):
     """Where CalculiX is and how long it may take."""

@@ -38,7 +38,7 @@ def stage_times(numerics: Numerics, actuation_pressure_max: float) -> tuple[Stag
 
     The solver's damping is the largest of the stages'; a stage damped alpha runs for duration * alpha_max / alpha.
     """
-    largest = max(getattr(numerics, s).damping for s in STAGES)
+    largest = numerics.solver_damping
     times, start = [], 0.0
     for name in STAGES:
         stage = getattr(numerics, name)
@@ -166,9 +166,14 @@ def write_deck(model: Model, path: Path) -> tuple[StageTime, ...]:
     """Write the CalculiX input of a model; returns the stages on the solver's clock."""
     numerics = model.case.numerics
     times = stage_times(numerics, model.case.actuation_pressure_max)
-    damping = max(t.stage.damping for t in times)
     lines = [f"** {model.case.case_id}", "** mm, N, MPa, tonne, s"]
-    lines += _geometry(model) + _sets(model) + _materials(model, damping) + _constraints(model) + _amplitudes(model, times)
+    lines += (
+        _geometry(model)
+        + _sets(model)
+        + _materials(model, numerics.solver_damping)
+        + _constraints(model)
+        + _amplitudes(model, times)
+    )
     lines += _step(model, numerics, times)
     path.write_text("\n".join(lines) + "\n", encoding="ascii")
     return times

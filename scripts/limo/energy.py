@@ -32,11 +32,15 @@ def conjugate_volumes(model: Model, displacements: np.ndarray) -> tuple[float, f
 def stored_energy(model: Model, displacements: np.ndarray) -> float:
     """Strain energy of the full device in mJ (N mm), with the quadrature of the model's element."""
     material = model.case.device.material
-    modulus = np.where(model.mesh.layer == 1, model.case.stiffness_ratio, 1.0) * material.youngs_modulus
     points = 2 if model.case.mesh.element.endswith("R") else 3
     expansion = model.expansion
     energy = strain_energy(
-        expansion.nodes, expansion.bricks, displacements[: len(expansion.nodes)], modulus, material.poisson_ratio, points
+        expansion.nodes,
+        expansion.bricks,
+        displacements[: len(expansion.nodes)],
+        model.youngs_modulus,
+        material.poisson_ratio,
+        points,
     )
     return model.mesh.copies * energy
 

@@ -40,9 +40,7 @@ def surface_points() -> np.ndarray:
 
 def moduli(model: Model) -> tuple[np.ndarray, np.ndarray]:
     """Lame constants lambda and mu (m,) in MPa of every element; the endocardium is E_hat times as stiff."""
-    material = model.case.device.material
-    ratio = np.where(model.mesh.layer == LAYERS.index("endo"), model.case.stiffness_ratio, 1.0)
-    return lame(ratio * material.youngs_modulus, material.poisson_ratio)
+    return lame(model.youngs_modulus, model.case.device.material.poisson_ratio)
 
 
 def element_label(mesh: DeviceMesh, element: int) -> str:

@@ -235,8 +235,7 @@ def _stress(values: dict, k: int, model: Model, stress: np.ndarray, zone: np.nda
 
 
 def _equilibrium(values: dict, k: int, model: Model, frames: CaseFrames, at: int, source: str) -> None:
-    numerics = model.case.numerics
-    damping = max(stage.damping for stage in (numerics.fit, numerics.hold, numerics.ramp))
+    damping = model.case.numerics.solver_damping
     known = frames.motion is not None and np.isfinite(frames.motion[at]).all()
     motion = frames.motion[at].astype(float) if known else None
     found = residual(model, frames.displacement[at].astype(float), frames.pressure[at], motion, damping, source)

@@ -101,6 +101,12 @@ class Model:
         return self.case.mesh.element.startswith("S8")
 
     @property
+    def youngs_modulus(self) -> np.ndarray:
+        """Young's modulus (m,) in MPa of every element: E, on the endocardium of the pouches E_hat E."""
+        ratio = np.where(self.mesh.layer == LAYERS.index("endo"), self.case.stiffness_ratio, 1.0)
+        return ratio * self.case.device.material.youngs_modulus
+
+    @property
     def density(self) -> float:
         """Mass density in tonne / mm^3 from the areal density: g / m^2 = 1e-12 tonne / mm^2."""
         material = self.case.device.material
