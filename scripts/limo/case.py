@@ -15,9 +15,14 @@ from typing import Any
 from limo.config import OUTPUTS, Device, Loaded, Mesh, MeshLevel, Numerics
 
 PACKAGE = Path(__file__).parent
-#: modules whose code decides what a mesh, and what a solution, looks like
+#: modules whose code decides what a mesh looks like
 MESH_CODE = ("geometry", "mesh", "elements")
-SOLVE_CODE = (*MESH_CODE, "model", "deck", "frd", "volumes", "energy", "kinematics", "buckling", "engines.calculix", "solution")
+_SOLUTION_CODE = (*MESH_CODE, "model", "volumes", "energy", "kinematics", "buckling", "engines.__init__", "solution")
+#: the same for a solution, by engine
+SOLVE_CODE = {
+    "calculix": (*_SOLUTION_CODE, "deck", "frd", "engines.calculix"),
+    "newton": (*_SOLUTION_CODE, "assembly", "engines.newton", "engines.pardiso"),
+}
 #: modules whose code decides what is measured of a solved case, and what is drawn of it for ParaView
 FIELD_CODE = ("elements", "kinematics", "mesh", "model", "constitutive", "layer", "zones", "strain", "fatigue")
 MEASURE_CODE = (*FIELD_CODE, "stress", "equilibrium", "buckling", "contact", "measures")
@@ -70,6 +75,7 @@ class Case:
     numerics: Numerics
     numerics_name: str
     frames: tuple[float, ...] = field(compare=False, default=())
+    engine: str = "calculix"
 
     def mesh_content(self) -> dict[str, Any]:
         """What the mesh depends on: not the pressures, the aspect ratio or any stiffness."""
@@ -90,8 +96,15 @@ class Case:
             "actuation_pressure_max": self.actuation_pressure_max,
             "aspect_ratio": self.aspect_ratio,
             "stiffness_ratio": self.stiffness_ratio,
-            "numerics": self.numerics.model_dump(mode="json", exclude={"description"}),
+            "engine": self.engine,
+            "numerics": self.numerics_content(),
         }
+
+    def numerics_content(self) -> dict[str, Any]:
+        """The part of the numerics that the case's engine looks at."""
+        if self.engine == "newton":
+            return self.numerics.newton.model_dump(mode="json")
+        return self.numerics.model_dump(mode="json", exclude={"description", "newton"})
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data from which ``from_dict`` makes the same case again (for passing it between processes)."""
@@ -141,6 +154,7 @@ def study_cases(loaded: Loaded, name: str) -> dict[tuple, Case]:
             numerics=loaded.numerics_of(study),
             numerics_name=study.numerics or loaded.config.numerics,
             frames=tuple(study.frames_for(pressure)),
+            engine=loaded.engine_of(study),
         )
     return cases
 

@@ -20,6 +20,9 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 from limo.errors import ConfigError
 
 Element = Literal["S8", "S8R", "C3D20", "C3D20R"]
+Engine = Literal["calculix", "newton"]
+#: the stages of a case in their order
+STAGES = ("fit", "hold", "ramp")
 Symmetry = Literal["full", "front_back", "quarter"]
 Point = tuple[Annotated[float, Field(ge=0, le=2)], Annotated[float, Field(ge=0, le=1.2)]]
 SplinePoints = Annotated[list[Point], Field(min_length=2)]
@@ -255,6 +258,36 @@ class Controls(Section):
     cutbacks: int = Field(5, ge=1, le=100, description="most attempts at one increment", examples=[5])
 
 
+class Newton(Section):
+    """Limits of the engine newton, which goes from equilibrium to equilibrium without time."""
+
+    fit_steps: int = Field(10, ge=1, le=1000, description="equilibria from the flat state to the fitted one", examples=[10])
+    load_step: float = Field(2.0, gt=0, le=100, description="kPa between the equilibria of the ramp", examples=[2.0])
+    residual: float = Field(1e-3, gt=0, le=0.1, description="largest residual over the load, both as 2-norms", examples=[1e-3])
+    correction: float = Field(
+        1e-2, gt=0, le=1, description="largest correction over the largest displacement of a load step", examples=[1e-2]
+    )
+    largest_step: float = Field(
+        0.07, gt=0, le=1, description="largest displacement of one iteration over the length of the device", examples=[0.07]
+    )
+    rejected_step: float = Field(
+        0.2, gt=0, le=10, description="the same, beyond which a step is tried again with a larger shift", examples=[0.2]
+    )
+    first_shift: float = Field(1e6, gt=0, le=1e12, description="shift that the fit starts with, 1/s2 times mass", examples=[1e6])
+    smallest_shift: float = Field(1e4, gt=0, le=1e12, description="shift that the iteration falls to, 1/s2", examples=[1e4])
+    shift_growth: float = Field(5.0, gt=1, le=100, description="factor of the shift after a rejected step", examples=[5.0])
+    shift_decay: float = Field(0.3, gt=0, lt=1, description="factor of the shift after an accepted step", examples=[0.3])
+    iterations: int = Field(400, ge=5, le=100000, description="most iterations at one load", examples=[400])
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Newton:
+        if self.rejected_step < self.largest_step:
+            raise ValueError("rejected_step no smaller than largest_step")
+        if self.first_shift < self.smallest_shift:
+            raise ValueError("first_shift no smaller than smallest_shift")
+        return self
+
+
 class Numerics(Section):
     """How the equations are integrated in time (paper, *Numerical solver*)."""
 
@@ -269,6 +302,7 @@ class Numerics(Section):
     )
     largest_increment: float = Field(2.0, gt=0, le=100, description="largest increment, in kPa of the ramp", examples=[2.0])
     controls: Controls = Controls()
+    newton: Newton = Newton()
     rest_tolerance: float = Field(
         5e-3,
         gt=0,
@@ -438,6 +472,9 @@ class Study(Section):
 
     description: str = Field("", description="one sentence", examples=["pressure-volume curves"])
     device: str = Field("limo", pattern=NAME, description="name of a file in config/devices", examples=["limo"])
+    engine: Engine | None = Field(
+        None, description="what solves the cases, instead of the configuration's engine", examples=["newton"]
+    )
     axes: Axes
     actuation_pressure_max: Annotated[float, Field(gt=0, le=1000)] | dict[float, Annotated[float, Field(gt=0, le=1000)]] = Field(
         description="P_a,max in kPa, one number or one for each P_v", examples=[{3.8: 60, 13.8: 100, 23.8: 140}]
@@ -517,6 +554,9 @@ class Config(Section):
     studies: list[Annotated[str, Field(pattern=NAME)]] = Field(
         min_length=1, description="studies that `snakemake` runs when none is named", examples=[["pressure_volume"]]
     )
+    engine: Engine = Field(
+        "calculix", description="what solves the cases of studies that say nothing else", examples=["calculix"]
+    )
     mesh: Mesh = Field(Mesh(), description="mesh of studies that say nothing else")
     numerics: str = Field("fast", pattern=NAME, description="preset of studies that say nothing else", examples=["fast"])
     mesh_levels: dict[Annotated[str, Field(pattern=NAME)], MeshLevel] = Field(min_length=1, description="mesh levels by name")
@@ -541,6 +581,10 @@ class Loaded:
     def mesh_of(self, study: Study) -> Mesh:
         """The mesh a study uses."""
         return study.mesh or self.config.mesh
+
+    def engine_of(self, study: Study) -> str:
+        """The engine a study uses."""
+        return study.engine or self.config.engine
 
     def numerics_of(self, study: Study) -> Numerics:
         """The numerics preset a study uses."""

@@ -11,11 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
-from limo.config import Controls, Numerics, Stage
+from limo.config import STAGES, Controls, Numerics, Stage
 from limo.model import KPA, Model
 
 BRICK_SIDE = {"bottom": "P1", "top": "P2"}
-STAGES = ("fit", "hold", "ramp")
 
 
 @dataclass(frozen=True)

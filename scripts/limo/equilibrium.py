@@ -16,11 +16,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import csr_array, identity
 
 from limo.elements import HEX20_BOTTOM, HEX20_TOP, gauss, hex20_shape, quad8_shape
 from limo.layer import LayerState, layer_state
-from limo.model import KPA, Model
+from limo.model import KPA, Model, reduction
 
 
 def _scatter(forces: np.ndarray, bricks: np.ndarray, count: int) -> np.ndarray:
@@ -75,34 +74,6 @@ def mass_forces(model: Model, field: np.ndarray) -> np.ndarray:
     at_points = np.einsum("gn,mnk->mgk", values, field[shell.bricks])
     forces = model.density * np.einsum("gn,mgk,mg->mnk", values, at_points, volume, optimize=True)
     return _scatter(forces, shell.bricks, len(model.nodes))
-
-
-def reduction(model: Model) -> csr_array:
-    """T^T (free, 3 n): from forces on all displacements to those on the free ones, with u = T u_free + const.
-
-    The dependent term of an equation, u_0 = -sum c_i / c_0 u_i, hands its force to the others; prescribed and fixed
-    displacements take theirs away.
-    """
-    size = 3 * len(model.nodes)
-    dependent, rows, columns, values = [], [], [], []
-    for equation in model.equations:
-        (node, direction, leading), *others = equation.terms
-        target = 3 * node + direction
-        dependent.append(target)
-        for n, d, c in others:
-            rows.append(target)
-            columns.append(3 * n + d)
-            values.append(-c / leading)
-    keep = np.ones(size, bool)
-    keep[dependent] = False
-    transform = identity(size, format="csr").multiply(keep[:, None]) + csr_array((values, (rows, columns)), shape=(size, size))
-    for n, d in (*model.prescribed, *model.fixed):
-        keep[3 * n + d] = False
-    used = np.unique(model.expansion.bricks)
-    attached = np.zeros((len(model.nodes), 3), bool)
-    attached[used] = True
-    attached[model.reference_start :] = True
-    return csr_array(transform.T.tocsr()[np.flatnonzero(keep & attached.ravel())])
 
 
 def through_thickness(model: Model, forces: np.ndarray) -> np.ndarray:

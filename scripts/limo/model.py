@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse import csr_array, identity
 
 from limo.case import Case
 from limo.elements import HEX20_BOTTOM, HEX20_TOP
@@ -192,3 +193,31 @@ def build_model(case: Case, mesh: DeviceMesh, *, like_shells: bool | None = None
             equations += [Equation(((low, d, 1.0), (high, d, signs[d]))) for d in range(3) if (low, d) not in taken]
     nodes = np.vstack([expansion.nodes, *references]) if references else expansion.nodes
     return Model(case, mesh, expansion, nodes, len(expansion.nodes), prescribed, tuple(fixed), tuple(equations), loads)
+
+
+def reduction(model: Model) -> csr_array:
+    """T^T (free, 3 n): from forces on all displacements to those on the free ones, with u = T u_free + const.
+
+    The dependent term of an equation, u_0 = -sum c_i / c_0 u_i, hands its force to the others; prescribed and fixed
+    displacements take theirs away.
+    """
+    size = 3 * len(model.nodes)
+    dependent, rows, columns, values = [], [], [], []
+    for equation in model.equations:
+        (node, direction, leading), *others = equation.terms
+        target = 3 * node + direction
+        dependent.append(target)
+        for n, d, c in others:
+            rows.append(target)
+            columns.append(3 * n + d)
+            values.append(-c / leading)
+    keep = np.ones(size, bool)
+    keep[dependent] = False
+    transform = identity(size, format="csr").multiply(keep[:, None]) + csr_array((values, (rows, columns)), shape=(size, size))
+    for n, d in (*model.prescribed, *model.fixed):
+        keep[3 * n + d] = False
+    used = np.unique(model.expansion.bricks)
+    attached = np.zeros((len(model.nodes), 3), bool)
+    attached[used] = True
+    attached[model.reference_start :] = True
+    return csr_array(transform.T.tocsr()[np.flatnonzero(keep & attached.ravel())])

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import logging
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 
@@ -15,13 +17,12 @@ import xarray as xr
 
 from limo.buckling import Event, events, largest_events
 from limo.case import Case
-from limo.config import Solver
-from limo.deck import StageTime, actuation_pressure_at, write_deck
+from limo.config import STAGES, Solver
 from limo.energy import EnergyBalance, conjugate_volumes, ramp_balance, stored_energy
+from limo.engines import Path as EnginePath
 from limo.engines import calculix
 from limo.errors import ResultError
 from limo.files import write_json, write_whole
-from limo.frd import FrdFile
 from limo.mesh import read_mesh
 from limo.model import Model, build_model
 from limo.volumes import flux_triangles, volumes
@@ -32,10 +33,10 @@ ML = 1.0e-3  # ml in a mm^3
 LARGEST_DISPLACEMENT = 3.0
 
 
-def solve_case(case: Case, mesh_file: Path, folder: Path, solver: Solver, command: Path) -> dict:
-    """Solve ``case`` in ``folder/run`` and write ``status.json``, ``volumes.nc`` and ``frames.nc`` into ``folder``.
+def solve_case(case: Case, mesh_file: Path, folder: Path, solver: Solver, command: Path | None = None) -> dict:
+    """Solve ``case`` and write ``status.json``, ``volumes.nc`` and ``frames.nc`` into ``folder``; returns the status.
 
-    Returns the status. The solver's own large files are removed; its deck, log and .sta stay in ``folder/run``.
+    ``command`` is CalculiX's executable. It runs in ``folder/run``: its own large files are removed, deck, log and .sta stay.
     """
     run_folder = folder / "run"
     run_folder.mkdir(parents=True, exist_ok=True)
@@ -43,38 +44,40 @@ def solve_case(case: Case, mesh_file: Path, folder: Path, solver: Solver, comman
         stale.unlink()
     mesh = read_mesh(mesh_file, case.mesh.symmetry)
     model = build_model(case, mesh)
-    times = write_deck(model, run_folder / f"{calculix.JOB}.inp")
     log.info("%s: %d elements, %d equations or more", case.case_id, len(mesh.quads), 3 * len(model.nodes))
-    outcome = calculix.run(run_folder, command, solver, times[-1].end)
-    history, frames, harvest_error = _harvest(model, times, run_folder, outcome)
-    status, reason = outcome.status, outcome.reason
+    with _solved(model, run_folder, solver, command) as path:
+        history, frames, harvest_error = _harvest(model, path)
+    status, reason = path.status, path.reason
     if harvest_error:
         status, reason = ("crashed" if status == "converged" else status), f"{reason} {harvest_error}".strip()
-    rest = _rest(history, case.numerics.rest_tolerance)
+    rest = {"rest_change": 0.0, "rested": True} if path.is_static else _rest(history, case.numerics.rest_tolerance)
     if status == "converged" and not rest["rested"]:
         reason = "the device had not come to rest at the end of the hold"
     summary = {
         "case": case.case_id,
+        "engine": case.engine,
         "status": status,
         "reason": reason,
         "actuation_pressure_reached": float(history.actuation_pressure[-1]) if history.sizes["increment"] else 0.0,
-        "increments": len(outcome.accepted),
-        "rejected_attempts": len(outcome.increments) - len(outcome.accepted),
-        "iterations": outcome.iterations,
-        "iterations_by_stage": _iterations_by_stage(outcome, times),
-        "solver": calculix.solver_build(command),
+        "increments": len(path.stage),
+        "rejected_attempts": path.rejected,
+        "iterations": sum(path.iterations.values()),
+        "iterations_by_stage": path.iterations,
+        "solver": path.build,
         "threads": solver.threads,
-        "solver_cpu_seconds": round(outcome.cpu_seconds, 2),
-        "solver_wall_seconds": round(outcome.wall_seconds, 2),
-        "solver_memory_mib": round(outcome.memory, 1),
+        "solver_cpu_seconds": round(path.cpu_seconds, 2),
+        "solver_wall_seconds": round(path.wall_seconds, 2),
+        "solver_memory_mib": round(path.memory, 1),
         "degrees_of_freedom": 3 * len(model.expansion.nodes),
         "elements": len(mesh.quads),
+        **path.details,
     }
     summary |= rest | _energy(model, history, frames)
     history.attrs |= {"case": case.case_id, "status": status, "reason": reason}
     write_whole(folder / "frames.nc", frames.to_netcdf)
     write_whole(folder / "volumes.nc", history.to_netcdf)
-    summary["python_cpu_seconds"] = round(time.process_time(), 2)  # of this process, start and imports included
+    # of this process, start and imports included
+    summary["python_cpu_seconds"] = round(time.process_time() - (path.cpu_seconds if path.in_process else 0.0), 2)
     write_json(folder / "status.json", summary)
     for pattern in ("*.frd", "*.dat", "*.12d", "*.eig", "spooles.out"):
         for large in run_folder.glob(pattern):
@@ -82,71 +85,67 @@ def solve_case(case: Case, mesh_file: Path, folder: Path, solver: Solver, comman
     return summary
 
 
-def _iterations_by_stage(outcome: calculix.Run, times: tuple[StageTime, ...]) -> dict[str, int]:
-    """Newton iterations of each stage by the time at which an increment started, rejected attempts included."""
-    counts = {t.name: 0 for t in times}
-    for increment in outcome.increments:
-        started = increment.total_time - (increment.size if increment.accepted else 0.0)
-        stage = next((t.name for t in times if started < t.end * (1 - 1e-6)), times[-1].name)
-        counts[stage] += increment.iterations
-    return counts
+@contextmanager
+def _solved(model: Model, run_folder: Path, solver: Solver, command: Path | None) -> Iterator[EnginePath]:
+    """The path of a model by the engine of its case."""
+    if model.case.engine == "newton":
+        from limo.engines import newton  # brings MKL, which the other engine does not need
+
+        yield newton.solve(model, solver)
+    else:
+        with calculix.solve(model, run_folder, solver, command) as path:
+            yield path
 
 
-def _harvest(
-    model: Model, times: tuple[StageTime, ...], run_folder: Path, outcome: calculix.Run
-) -> tuple[xr.Dataset, xr.Dataset, str]:
-    """Volumes of every frame that belongs to an accepted increment, and the displacements of the chosen ones."""
+def _harvest(model: Model, path: EnginePath) -> tuple[xr.Dataset, xr.Dataset, str]:
+    """Volumes of every increment up to the first that cannot be believed, and the displacements of the chosen ones."""
     case = model.case
-    accepted = {(i.step, i.increment) for i in outcome.accepted}
-    path = run_folder / f"{calculix.JOB}.frd"
     rows: list[tuple[float, ...]] = []
     frames: list[np.ndarray] = []
     motions: list[np.ndarray] = []
     kept: list[tuple[float, float]] = []
     around: dict[Event, list[np.ndarray]] = {}
     error = ""
-    if path.exists() and accepted:
-        try:
-            with FrdFile(path) as frd:
-                # a diverged run writes its last, unconverged state too: only increments that .sta accepted count
-                usable = [f for f in frd.frames if (f.step, f.increment) in accepted]
-                for frame in usable:
-                    u = frd.displacements(frame, len(model.nodes))
-                    if not np.isfinite(u).all() or np.abs(u).max() > LARGEST_DISPLACEMENT * case.device.pattern.length:
-                        error = f"displacements beyond {LARGEST_DISPLACEMENT:g} L at {frame.time:g} s"
-                        break
-                    rows.append((frame.time, *_volumes(model, u)))
-                chosen = _nearest_increments(case, times, np.array([r[0] for r in rows]))
 
-                def displacements(k: int) -> np.ndarray:
-                    return frd.displacements(usable[k], len(model.nodes))[: model.reference_start]
+    def displacements(k: int) -> np.ndarray:
+        return path.displacements(k)[: model.reference_start]
 
-                for wanted, k, pressure in chosen:
-                    frames.append(displacements(k).astype(np.float32))
-                    motions.append(
-                        _motion([displacements(j) for j in range(max(k - 2, 0), k + 1)], [r[0] for r in rows[: k + 1]])
-                    )
-                    kept.append((wanted, pressure))
-                for event, ends in _event_increments(_history(case, times, np.array(rows, float).reshape(-1, 7))).items():
-                    around[event] = [displacements(k) for k in ends]
-        except ResultError as problem:
-            error = str(problem)
-    history = _history(case, times, np.array(rows, float).reshape(-1, 7))
+    try:
+        for k in range(len(path.stage)):
+            u = path.displacements(k)
+            if not np.isfinite(u).all() or np.abs(u).max() > LARGEST_DISPLACEMENT * case.device.pattern.length:
+                error = f"displacements beyond {LARGEST_DISPLACEMENT:g} L at {path.clock[k]:g} s"
+                break
+            rows.append(_volumes(model, u))
+        history = _history(path, rows)
+        for wanted, k, pressure in _nearest_increments(case, history):
+            frames.append(displacements(k))
+            if path.is_static:
+                motions.append(np.zeros((2, *frames[-1].shape)))
+            else:
+                motions.append(_motion([displacements(j) for j in range(max(k - 2, 0), k + 1)], list(path.clock[: k + 1])))
+            kept.append((wanted, pressure))
+        for event, ends in _event_increments(history).items():
+            around[event] = [displacements(k) for k in ends]
+    except ResultError as problem:
+        error = str(problem)
+        history = _history(path, rows)
+    per_node = (model.reference_start, 3)
     dataset = xr.Dataset(
         {
             "displacement": (
                 ("frame", "node", "axis"),
-                np.array(frames, np.float32).reshape(-1, model.reference_start, 3),
+                np.array(frames, path.precision).reshape(-1, *per_node),
                 {"units": "mm", "long_name": "displacement from the flat state"},
             ),
             "motion": (
                 ("frame", "derivative", "node", "axis"),
-                np.array(motions, np.float32).reshape(-1, 2, model.reference_start, 3),
+                np.array(motions, np.float32).reshape(-1, 2, *per_node),
                 {"long_name": "velocity in mm/s and acceleration in mm/s2 on the solver's clock, from the increments before"},
             ),
             "event_displacement": (
                 ("event", "end", "node", "axis"),
-                np.array(list(around.values()), np.float32).reshape(-1, 2, model.reference_start, 3),
+                np.array(list(around.values()), np.float32).reshape(-1, 2, *per_node),
                 {"units": "mm", "long_name": "displacement in the increments before and after a buckling event"},
             ),
         },
@@ -207,15 +206,15 @@ def _volumes(model: Model, u: np.ndarray) -> tuple[float, ...]:
     return *volumes(mesh, middle), *volumes(mesh, middle, flux_triangles), *conjugate
 
 
-def _nearest_increments(case: Case, times: tuple[StageTime, ...], solver_times: np.ndarray) -> list[tuple[float, int, float]]:
+def _nearest_increments(case: Case, history: xr.Dataset) -> list[tuple[float, int, float]]:
     """(wanted pressure, index, its pressure) of the increments nearest to the pressures whose frames a case keeps.
 
     Only the state at rest and the ramp count; pressures beyond what the case reached are left out.
     """
-    pressure = actuation_pressure_at(times, case.actuation_pressure_max, solver_times)
-    at_rest = np.flatnonzero((solver_times > times[0].end) & (pressure == 0.0))
-    first = at_rest[-1] if len(at_rest) else len(solver_times)
-    candidates = np.arange(first, len(solver_times))
+    pressure, stage = history.actuation_pressure.values, history.stage.values
+    at_rest = np.flatnonzero(stage == STAGES.index("hold"))
+    first = at_rest[-1] if len(at_rest) else len(stage)
+    candidates = np.arange(first, len(stage))
     chosen = []
     for wanted in case.frames:
         if len(candidates) and wanted <= pressure[-1] + 1e-6:
@@ -224,11 +223,10 @@ def _nearest_increments(case: Case, times: tuple[StageTime, ...], solver_times: 
     return chosen
 
 
-def _history(case: Case, times: tuple[StageTime, ...], table: np.ndarray) -> xr.Dataset:
-    """The volumes of one case over its increments, in ml."""
-    time_now, volumes_ml = table[:, 0], table[:, 1:] * ML
-    stage = np.searchsorted([t.end * (1 + 1e-9) for t in times[:-1]], time_now).astype(np.int8)
-    pressure = actuation_pressure_at(times, case.actuation_pressure_max, time_now)
+def _history(path: EnginePath, volumes: list[tuple[float, ...]]) -> xr.Dataset:
+    """The volumes (k, 6) in mm^3 of the first k increments of a path, in ml."""
+    count = len(volumes)
+    volumes_ml = np.array(volumes, float).reshape(-1, 6) * ML
     names = {
         "ventricle_volume": "ventricle volume, V_v",
         "actuation_volume": "total pouch volume, V_a",
@@ -237,6 +235,7 @@ def _history(case: Case, times: tuple[StageTime, ...], table: np.ndarray) -> xr.
         "ventricle_volume_conjugate": "volume swept by the faces that P_v loads",
         "actuation_volume_conjugate": "volume swept by the faces that P_a loads",
     }
+    stage, pressure, clock = (a[:count] for a in (path.stage, path.pressure, path.clock))
     data = {n: ("increment", volumes_ml[:, k], {"units": "ml", "long_name": text}) for k, (n, text) in enumerate(names.items())}
     return xr.Dataset(
         data,
@@ -244,18 +243,18 @@ def _history(case: Case, times: tuple[StageTime, ...], table: np.ndarray) -> xr.
             "actuation_pressure": ("increment", pressure, {"units": "kPa", "long_name": "actuation pressure, P_a"}),
             "stage": (
                 "increment",
-                stage,
-                {"long_name": "stage", "flag_values": np.array([0, 1, 2], np.int8), "flag_meanings": "fit hold ramp"},
+                np.asarray(stage, np.int8),
+                {"long_name": "stage", "flag_values": np.arange(len(STAGES), dtype=np.int8), "flag_meanings": " ".join(STAGES)},
             ),
-            "solver_time": ("increment", time_now, {"units": "s", "long_name": "time on the solver's clock"}),
+            "solver_time": ("increment", clock, {"units": "s", "long_name": "time on the solver's clock"}),
         },
     )
 
 
 def ramp_of(history: xr.Dataset) -> xr.Dataset:
     """The ramp of a case from its state at rest: the last increment of the hold, and all of the ramp after it."""
-    at_rest = np.flatnonzero(history.stage.values == 1)
-    ramp = np.flatnonzero(history.stage.values == 2)
+    at_rest = np.flatnonzero(history.stage.values == STAGES.index("hold"))
+    ramp = np.flatnonzero(history.stage.values == STAGES.index("ramp"))
     if not len(at_rest):
         return history.isel(increment=slice(0, 0))
     return history.isel(increment=np.concatenate([at_rest[-1:], ramp]))
@@ -263,7 +262,7 @@ def ramp_of(history: xr.Dataset) -> xr.Dataset:
 
 def _rest(history: xr.Dataset, tolerance: float) -> dict:
     """Whether the device rested: relative change of V_v over the second half of the hold."""
-    held = history.isel(increment=history.stage.values == 1)
+    held = history.isel(increment=history.stage.values == STAGES.index("hold"))
     if held.sizes["increment"] < 2:
         return {"rest_change": None, "rested": False}
     clock, volume = held.solver_time.values, held.ventricle_volume.values

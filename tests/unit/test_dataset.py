@@ -2,6 +2,7 @@
 
 import json
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ import xarray as xr
 from limo.case import study_cases
 from limo.config import Loaded, Study
 from limo.dataset import COORDINATES, CURVE_DIMS, STATUSES, VARIABLES, curves, gather_study
-from limo.deck import stage_times
+from limo.deck import actuation_pressure_at, stage_times
 from limo.errors import ConfigError
 from limo.figures import pressure_volume, style
 from limo.figures.measured import read_measured
@@ -32,7 +33,14 @@ def history_of(case, until=None, count=241):
     level = np.concatenate([np.zeros(10), pressure[1:]])
     ventricle, actuation = 4e5 - STROKE * 1e3 * level, 2e3 + FILLING * 1e3 * level
     ventricle[:9] = 3e5  # the state before rest must not matter
-    return _history(case, times, np.column_stack([clock, *[ventricle, actuation] * 3]))
+    return _history(path_at(case, clock), np.column_stack([ventricle, actuation] * 3))
+
+
+def path_at(case, clock):
+    """What a history needs of CalculiX's path: stage and pressure at times of its clock."""
+    times = stage_times(case.numerics, case.actuation_pressure_max)
+    stage = np.searchsorted([t.end * (1 + 1e-9) for t in times[:-1]], clock)
+    return SimpleNamespace(stage=stage, clock=clock, pressure=actuation_pressure_at(times, case.actuation_pressure_max, clock))
 
 
 @pytest.fixture(scope="module")
@@ -176,7 +184,7 @@ def test_converged_case_has_a_value_at_its_last_pressure(make_case):
     history = history_of(case)
     clock = history.solver_time.values.copy()
     clock[-1] = times[-1].end * (1 - 1e-10)
-    printed = _history(case, times, np.column_stack([clock, *(1e3 * history[n].values for n in history.data_vars)]))
+    printed = _history(path_at(case, clock), np.column_stack([1e3 * history[n].values for n in history.data_vars]))
     values = curves(printed, case.ventricular_pressure, np.array([0.0, 30.0, case.actuation_pressure_max]))
     np.testing.assert_allclose(values["stroke_volume"], [0.0, 60.0, 120.0], atol=1e-6)
 

@@ -11,12 +11,11 @@ from limo.equilibrium import (
     internal_forces,
     mass_forces,
     pressure_forces,
-    reduction,
     residual,
     rounding_noise,
     through_thickness,
 )
-from limo.model import build_model
+from limo.model import build_model, reduction
 
 from .patches import curved_patch, grid, patch_mesh, patch_model
 

@@ -16,7 +16,7 @@ rule solve_case:
         case=lambda wildcards: CASES[wildcards.case].to_dict(),
         solver=LOADED.config.solver.model_dump(mode="json"),
         command=str(CCX),
-        code=code_digest(SOLVE_CODE),
+        code=lambda wildcards: code_digest(SOLVE_CODE[CASES[wildcards.case].engine]),
     message:
         "Solve {wildcards.case}"
     script:

@@ -1,1 +1,44 @@
-"""What turns a model into frames and a status."""
+"""Engines turn a model into a path of accepted increments. What all of them return stands here."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from limo.config import STAGES
+
+
+@dataclass(frozen=True)
+class Path:
+    """How an engine carried a model along its stages: accepted increments in order, and what they cost.
+
+    ``status`` is ``converged``, ``diverged``, ``timed_out`` or ``crashed``, ``reason`` empty when it converged. ``stage``
+    (k,) counts ``STAGES``; ``pressure`` (k,) is P_a in kPa; ``clock`` (k,) is the engine's own time in s.
+    ``displacements(k)`` gives (n, 3) in mm at all nodes of the model, good to ``precision``. ``is_static``: every increment is
+    an equilibrium without motion. ``iterations`` by stage contain those of ``rejected`` attempts. CPU and wall time in s,
+    ``memory`` in MiB (peak); ``in_process``: spent by this process, not by one of the engine's own.
+    """
+
+    status: str
+    reason: str
+    stage: np.ndarray
+    pressure: np.ndarray
+    clock: np.ndarray
+    displacements: Callable[[int], np.ndarray]
+    precision: str
+    is_static: bool
+    in_process: bool
+    iterations: dict[str, int]
+    rejected: int
+    build: dict[str, str]
+    cpu_seconds: float
+    wall_seconds: float
+    memory: float
+    details: dict = field(default_factory=dict)
+
+
+def count_stages() -> dict[str, int]:
+    """A counter at zero for each stage."""
+    return dict.fromkeys(STAGES, 0)

@@ -21,8 +21,15 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from limo.config import Solver
-from limo.errors import ConfigError, SolverNotFoundError
+import numpy as np
+
+from limo.config import STAGES, Solver
+from limo.deck import StageTime, actuation_pressure_at, write_deck
+from limo.engines import Path as EnginePath
+from limo.engines import count_stages
+from limo.errors import ConfigError, ResultError, SolverNotFoundError
+from limo.frd import FrdFile
+from limo.model import Model
 
 JOB = "deck"
 LOCAL = Path(__file__).parents[3] / ".local" / "bin" / "ccx"
@@ -124,6 +131,53 @@ def read_sta(path: Path) -> tuple[Increment, ...]:
                 continue
             increments.append(Increment(int(step), int(increment), int(attempt), not rejected, int(iterations), *numbers))
     return tuple(increments)
+
+
+@contextlib.contextmanager
+def solve(model: Model, folder: Path, solver: Solver, command: Path) -> Iterator[EnginePath]:
+    """Run a model in ``folder``; the path reads displacements from the solver's results as long as the block lasts.
+
+    A diverged run writes its last, unconverged state too: only increments that .sta accepted count.
+    """
+    case = model.case
+    times = write_deck(model, folder / f"{JOB}.inp")
+    outcome = run(folder, command, solver, times[-1].end)
+    accepted, usable, error = {(i.step, i.increment) for i in outcome.accepted}, [], ""
+    with contextlib.ExitStack() as stack:
+        if accepted and (folder / f"{JOB}.frd").exists():
+            try:
+                frd = stack.enter_context(FrdFile(folder / f"{JOB}.frd"))
+                usable = [f for f in frd.frames if (f.step, f.increment) in accepted]
+            except ResultError as problem:
+                error = str(problem)
+        clock = np.array([f.time for f in usable], float)
+        yield EnginePath(
+            status="crashed" if error and outcome.status == "converged" else outcome.status,
+            reason=f"{outcome.reason} {error}".strip(),
+            stage=np.searchsorted([t.end * (1 + 1e-9) for t in times[:-1]], clock),
+            pressure=actuation_pressure_at(times, case.actuation_pressure_max, clock),
+            clock=clock,
+            displacements=lambda k: frd.displacements(usable[k], len(model.nodes)),
+            precision="float32",
+            is_static=False,
+            in_process=False,
+            iterations=_iterations_by_stage(outcome, times),
+            rejected=len(outcome.increments) - len(outcome.accepted),
+            build=solver_build(command),
+            cpu_seconds=outcome.cpu_seconds,
+            wall_seconds=outcome.wall_seconds,
+            memory=outcome.memory,
+        )
+
+
+def _iterations_by_stage(outcome: Run, times: tuple[StageTime, ...]) -> dict[str, int]:
+    """Newton iterations of each stage by the time at which an increment started, rejected attempts included."""
+    counts = count_stages()
+    for increment in outcome.increments:
+        started = increment.total_time - (increment.size if increment.accepted else 0.0)
+        stage = next((t.name for t in times if started < t.end * (1 - 1e-6)), STAGES[-1])
+        counts[stage] += increment.iterations
+    return counts
 
 
 def run(folder: Path, command: Path, solver: Solver, end_time: float) -> Run:

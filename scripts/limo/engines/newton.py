@@ -1,0 +1,232 @@
+"""Shifted Newton: an engine that solves a model's bricks quasi-statically, from one equilibrium to the next.
+
+At a frozen load the free displacements q follow
+
+    (K + sigma M) dq = r(q)
+
+with the consistent tangent K (follower pressures included), the mass matrix M and a shift sigma that pseudo-transient
+continuation moves between strong (small steps downhill, through a snap) and negligible (Newton's method near equilibrium):
+
+- a factorisation with a negative pivot, or a step beyond ``rejected_step``, multiplies sigma and factorises again, so that
+  every step goes downhill in energy and no unstable equilibrium is ever accepted;
+- a step is cut to ``largest_step``; after it sigma falls;
+- a factor is used again as long as the residual falls tenfold without a new one.
+
+No damping is left in the answer: a snap of the device is a jump at its load. Steps of some millimetres matter: with steps of
+1 mm the wrinkles of the fit stay where they first appear, and nearly equal runs end with different ones (docs/performance.md).
+"""
+
+from __future__ import annotations
+
+import logging
+import resource
+import time
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from limo.assembly import Assembly
+from limo.config import STAGES, Newton, Solver
+from limo.engines import Path, count_stages
+from limo.engines.pardiso import FactorisationError, SymmetricSolver, mkl_version, set_threads
+from limo.model import Model
+
+log = logging.getLogger(__name__)
+#: shift (1/s^2) beyond which a step is hopeless
+LARGEST_SHIFT = 1e14
+#: a factor is used again while the residual falls below this share of the one before
+REUSED_WHILE = 0.1
+FIT, HOLD, RAMP = range(3)
+
+
+class _StopError(Exception):
+    """The path ends here: a status and a reason."""
+
+    def __init__(self, status: str, reason: str):
+        super().__init__(reason)
+        self.status, self.reason = status, reason
+
+
+@dataclass
+class _State:
+    """Where the iteration is: free displacements, share of the prescribed ones, shift, and what has been counted."""
+
+    free: np.ndarray
+    prescribed: float = 0.0
+    shift: float = 0.0
+    factorisations: int = 0
+    solutions: int = 0
+    iterations: dict[str, int] = field(default_factory=count_stages)
+    rejected: int = 0
+
+
+def solve(model: Model, solver: Solver, start: np.ndarray | None = None) -> Path:
+    """Carry a model through fit and ramp; a state at rest stands between them, so the hold takes no time.
+
+    ``start`` (n, 3) in mm, a state with the valve fitted and P_v on, takes the place of the fit. Never raises for a model
+    that does not converge: what was accepted is in the path, with status and reason.
+    """
+    settings, case = model.case.numerics.newton, model.case
+    began, used = time.monotonic(), _cpu_seconds()
+    set_threads(solver.threads)
+    run = _Run(model, settings, began + 60 * solver.time_limit)
+    status, reason = "converged", ""
+    try:
+        if start is None:
+            for share in np.arange(1, settings.fit_steps + 1) / settings.fit_steps:
+                run.advance(FIT, share, share * case.ventricular_pressure, 0.0)
+        else:
+            run.start_from(start)
+        run.advance(HOLD, 1.0, case.ventricular_pressure, 0.0)
+        for pressure in load_steps(settings.load_step, case.actuation_pressure_max, case.frames):
+            run.advance(RAMP, 1.0, case.ventricular_pressure, pressure)
+    except _StopError as stop:
+        status, reason = stop.status, stop.reason
+    except FactorisationError as error:
+        status, reason = "diverged", str(error)
+    finally:
+        run.close()
+    state = run.state
+    return Path(
+        status=status,
+        reason=reason,
+        stage=np.array(run.stages, int),
+        pressure=np.array(run.pressures, float),
+        clock=np.arange(1, len(run.stages) + 1, dtype=float),
+        displacements=run.kept.__getitem__,
+        precision="float64",
+        is_static=True,
+        in_process=True,
+        iterations=state.iterations,
+        rejected=state.rejected,
+        build={"engine": "newton", "version": f"mkl {mkl_version()}"},
+        cpu_seconds=_cpu_seconds() - used,
+        wall_seconds=time.monotonic() - began,
+        memory=resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
+        details={
+            "equations": run.assembly.size,
+            "factorisations": state.factorisations,
+            "solutions": state.solutions,
+            "largest_residual": max(run.residuals, default=None),
+        },
+    )
+
+
+def load_steps(step: float, maximum: float, frames: tuple[float, ...]) -> np.ndarray:
+    """Actuation pressures (kPa) of the ramp: multiples of ``step``, the maximum, and the pressures whose frames are kept."""
+    pressures = np.append(np.arange(step, maximum, step), [maximum, *(f for f in frames if 0 < f <= maximum)])
+    pressures = np.unique(pressures)
+    return pressures[np.append(np.diff(pressures) > 1e-6, True)]
+
+
+class _Run:
+    """The iteration on one model; accepted states are kept in order."""
+
+    def __init__(self, model: Model, settings: Newton, deadline: float):
+        self.model, self.settings, self.deadline = model, settings, deadline
+        self.assembly = Assembly(model)
+        self.solver = SymmetricSolver(self.assembly.indptr, self.assembly.indices)
+        length = model.case.device.pattern.length
+        self.largest, self.rejected = settings.largest_step * length, settings.rejected_step * length
+        self.state = _State(np.zeros(self.assembly.size), shift=settings.first_shift)
+        self.stages: list[int] = []
+        self.pressures: list[float] = []
+        self.kept: list[np.ndarray] = []
+        self.residuals: list[float] = []
+
+    def close(self) -> None:
+        self.solver.close()
+
+    def start_from(self, displacements: np.ndarray) -> None:
+        self.state.prescribed = 1.0
+        self.state.free = self.assembly.gather_free(displacements)
+
+    def displacements(self) -> np.ndarray:
+        return self.assembly.expand(self.state.free) + self.state.prescribed * self.assembly.prescribed
+
+    def advance(self, stage: int, share: float, ventricular: float, actuation: float) -> None:
+        """Bring the device to rest at a share of the prescribed displacements and at pressures in kPa."""
+        name = STAGES[stage]
+        state, assembly, settings = self.state, self.assembly, self.settings
+        before, correction = state.free.copy(), np.inf
+        moved = (share - state.prescribed) * assembly.prescribed if share != state.prescribed else None
+        for _ in range(settings.iterations):
+            if time.monotonic() > self.deadline:
+                raise _StopError("timed_out", f"stopped at P_a = {actuation:g} kPa of the {name} after the time limit")
+            u = self.displacements()
+            inside, pressed = assembly.forces(u, ventricular, actuation)
+            residual, load = assembly.reduce(pressed - inside), np.linalg.norm(assembly.reduce(pressed))
+            size = np.linalg.norm(residual)
+            if moved is None and self._at_rest(size, load, correction, before):
+                break
+            _, _, values, dragged = assembly.linearise(u, ventricular, actuation, moved)
+            if moved is not None:
+                # the edges move with this step: what they drag along is part of its right side
+                residual = residual - assembly.reduce(dragged)
+            step = self._step(values, residual)
+            largest = np.abs(step).max()
+            state.free = state.free + min(1.0, self.largest / largest) * step
+            state.iterations[name] += 1
+            correction = largest
+            if moved is not None:
+                state.prescribed, moved = share, None
+            elif largest <= self.largest:
+                correction = self._reuse(size, load, correction, before, ventricular, actuation)
+            state.shift = max(settings.smallest_shift, state.shift * settings.shift_decay)
+        else:
+            raise _StopError(
+                "diverged",
+                f"no equilibrium at P_a = {actuation:g} kPa of the {name} in {settings.iterations} iterations: residual "
+                f"{size / max(load, 1e-30):.2g} of the load, correction {correction:.2g} mm",
+            )
+        self.stages.append(stage)
+        self.pressures.append(actuation)
+        self.kept.append(self.displacements())
+        self.residuals.append(float(size / max(load, 1e-30)))
+        log.info(
+            "%s, P_a = %.4g kPa: %d iterations so far, shift %.1e", name, actuation, sum(state.iterations.values()), state.shift
+        )
+
+    def _at_rest(self, size: float, load: float, correction: float, before: np.ndarray) -> bool:
+        """Residual small beside the load, and the last correction beside the way gone at this load."""
+        gone = max(np.abs(self.state.free - before).max(), 1e-3 * self.largest)
+        return size <= self.settings.residual * max(load, 1e-30) and correction <= self.settings.correction * gone
+
+    def _step(self, values: np.ndarray, residual: np.ndarray) -> np.ndarray:
+        """The step of the shifted system, its shift raised until the matrix is positive and the step no leap."""
+        state = self.state
+        while True:
+            negative = self.solver.factorise(values + state.shift * self.assembly.mass)
+            state.factorisations += 1
+            if not negative:
+                step = self.solver.solve(residual)
+                state.solutions += 1
+                if np.abs(step).max() <= self.rejected:
+                    return step
+            state.rejected += 1
+            state.shift *= self.settings.shift_growth
+            if state.shift > LARGEST_SHIFT:
+                raise _StopError("diverged", f"no downhill step with a shift up to {LARGEST_SHIFT:.0e} 1/s2")
+
+    def _reuse(
+        self, size: float, load: float, correction: float, before: np.ndarray, ventricular: float, actuation: float
+    ) -> float:
+        """Further steps with the factor at hand, as long as the residual falls tenfold; returns the last correction."""
+        state, assembly = self.state, self.assembly
+        while True:
+            inside, pressed = assembly.forces(self.displacements(), ventricular, actuation)
+            residual = assembly.reduce(pressed - inside)
+            now = np.linalg.norm(residual)
+            if now > REUSED_WHILE * size or self._at_rest(now, load, correction, before):
+                return correction
+            step = self.solver.solve(residual)
+            state.solutions += 1
+            correction, size = np.abs(step).max(), now
+            if correction > self.largest:
+                return correction
+            state.free = state.free + step
+
+
+def _cpu_seconds() -> float:
+    usage = resource.getrusage(resource.RUSAGE_SELF)
+    return usage.ru_utime + usage.ru_stime

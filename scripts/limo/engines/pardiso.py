@@ -1,0 +1,141 @@
+"""A thin binding to PARDISO in Intel's MKL (package ``mkl``): symmetric factors with one analysis and a count of pivots.
+
+SciPy's own direct solver neither keeps its analysis nor tells the inertia of a matrix, and both are what a Newton
+iteration on one pattern lives on. MKL's manual calls the parameters used here ``iparm``; they are numbered from one there.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from functools import cache
+from importlib.metadata import PackageNotFoundError, files, version
+
+import numpy as np
+
+from limo.errors import SolverNotFoundError
+
+_SYMMETRIC_INDEFINITE = -2
+_ANALYSE, _FACTORISE, _SOLVE, _RELEASE = 11, 22, 33, -1
+# iparm, counted from zero
+_CUSTOM, _ORDERING, _REFINEMENT, _PIVOT_PERTURBATION, _SCALING, _MATCHING = 0, 1, 7, 9, 10, 12
+_PEAK, _PERMANENT, _FACTOR_MEMORY, _PIVOTING, _NEGATIVE, _ZERO_BASED = 14, 15, 16, 20, 22, 34
+_NESTED_DISSECTION = 2
+_ERRORS = {
+    -1: "inconsistent input",
+    -2: "not enough memory",
+    -3: "reordering failed",
+    -4: "zero pivot",
+    -7: "singular diagonal",
+    -10: "out-of-core file",
+}
+
+
+class FactorisationError(Exception):
+    """PARDISO could not factorise or solve; the message says which code it gave."""
+
+
+def mkl_version() -> str:
+    """Version of the installed package ``mkl``; raises ``SolverNotFoundError`` without one."""
+    try:
+        return version("mkl")
+    except PackageNotFoundError:
+        raise SolverNotFoundError("engine newton needs the package mkl; `make setup` installs it") from None
+
+
+@cache
+def _library() -> ctypes.CDLL:
+    mkl_version()
+    for file in files("mkl") or ():
+        if file.name.startswith("libmkl_rt.so"):
+            return ctypes.CDLL(str(file.locate().resolve()))
+    raise SolverNotFoundError("the package mkl holds no libmkl_rt; install it again with `make setup`")
+
+
+def set_threads(threads: int) -> None:
+    """Threads of every factorisation of this process. One thread repeats to the bit."""
+    library = _library()
+    library.MKL_Set_Threading_Layer(1 if threads == 1 else 3)  # sequential, or GNU's OpenMP
+    library.MKL_Set_Num_Threads(threads)
+
+
+class SymmetricSolver:
+    """Factors of symmetric matrices that share one pattern.
+
+    ``indptr`` (n + 1,), ``indices``: rows of the upper triangle, diagonal included, columns rising, counted from zero.
+    Raises ``FactorisationError``.
+    """
+
+    def __init__(self, indptr: np.ndarray, indices: np.ndarray):
+        self._indptr = np.ascontiguousarray(indptr, np.int32)
+        self._indices = np.ascontiguousarray(indices, np.int32)
+        self._size = len(indptr) - 1
+        self._handle = np.zeros(64, np.int64)
+        self._parameters = np.zeros(64, np.int32)
+        self._values = np.zeros(len(indices))
+        for place, value in {
+            _CUSTOM: 1,
+            _ORDERING: _NESTED_DISSECTION,
+            _REFINEMENT: 0,
+            _PIVOT_PERTURBATION: 12,
+            _SCALING: 0,
+            _MATCHING: 0,
+            _PIVOTING: 1,
+            _ZERO_BASED: 1,
+        }.items():
+            self._parameters[place] = value
+        self._call(_ANALYSE)
+
+    def factorise(self, values: np.ndarray) -> int:
+        """Factorise the matrix with ``values`` (of ``indices``) and return how many of its pivots are negative."""
+        self._values = np.ascontiguousarray(values, float)
+        self._call(_FACTORISE)
+        return int(self._parameters[_NEGATIVE])
+
+    def solve(self, right_side: np.ndarray) -> np.ndarray:
+        """Solution (n,) with the last factors."""
+        solution = np.empty(self._size)
+        self._call(_SOLVE, np.ascontiguousarray(right_side, float), solution)
+        return solution
+
+    @property
+    def memory(self) -> float:
+        """MiB that analysis and factors take."""
+        analysis = max(self._parameters[_PEAK], self._parameters[_PERMANENT])
+        return float(max(analysis, self._parameters[_PERMANENT] + self._parameters[_FACTOR_MEMORY])) / 1024
+
+    def close(self) -> None:
+        """Give the memory of the factors back."""
+        if self._handle.any():
+            self._call(_RELEASE)
+            self._handle[:] = 0
+
+    def _call(self, phase: int, right_side: np.ndarray | None = None, solution: np.ndarray | None = None) -> None:
+        empty = np.zeros(1)
+        error = ctypes.c_int(0)
+
+        def integer(value: int):
+            return ctypes.byref(ctypes.c_int(value))
+
+        def pointer(array: np.ndarray | None):
+            return (empty if array is None else array).ctypes.data_as(ctypes.c_void_p)
+
+        _library().pardiso(
+            pointer(self._handle),
+            integer(1),
+            integer(1),
+            integer(_SYMMETRIC_INDEFINITE),
+            integer(phase),
+            integer(self._size),
+            pointer(self._values),
+            pointer(self._indptr),
+            pointer(self._indices),
+            pointer(None),
+            integer(1),
+            pointer(self._parameters),
+            integer(0),
+            pointer(right_side),
+            pointer(solution),
+            ctypes.byref(error),
+        )
+        if error.value:
+            raise FactorisationError(f"PARDISO: {_ERRORS.get(error.value, 'error')} ({error.value}, phase {phase})")
