@@ -36,6 +36,8 @@ log = logging.getLogger(__name__)
 LARGEST_SHIFT = 1e14
 #: a factor is used again while the residual falls below this share of the one before
 REUSED_WHILE = 0.1
+#: forces count as load from this share of the internal ones and this value (N) on, for devices without pressure
+HELD_SHARE, SMALLEST_FORCE = 1e-3, 1e-9
 FIT, HOLD, RAMP = range(3)
 
 
@@ -155,7 +157,7 @@ class _Run:
                 raise _StopError("timed_out", f"stopped at P_a = {actuation:g} kPa of the {name} after the time limit")
             u = self.displacements()
             inside, pressed = assembly.forces(u, ventricular, actuation)
-            residual, load = assembly.reduce(pressed - inside), np.linalg.norm(assembly.reduce(pressed))
+            residual, load = assembly.reduce(pressed - inside), self._load(inside, pressed)
             size = np.linalg.norm(residual)
             if moved is None and self._at_rest(size, load, correction, before):
                 break
@@ -177,20 +179,24 @@ class _Run:
             raise _StopError(
                 "diverged",
                 f"no equilibrium at P_a = {actuation:g} kPa of the {name} in {settings.iterations} iterations: residual "
-                f"{size / max(load, 1e-30):.2g} of the load, correction {correction:.2g} mm",
+                f"{size / load:.2g} of the load, correction {correction:.2g} mm",
             )
         self.stages.append(stage)
         self.pressures.append(actuation)
         self.kept.append(self.displacements())
-        self.residuals.append(float(size / max(load, 1e-30)))
+        self.residuals.append(float(size / load))
         log.info(
             "%s, P_a = %.4g kPa: %d iterations so far, shift %.1e", name, actuation, sum(state.iterations.values()), state.shift
         )
 
+    def _load(self, inside: np.ndarray, pressed: np.ndarray) -> float:
+        """What residuals are compared with (N): the pressures on the free displacements, and without any the held forces."""
+        return max(np.linalg.norm(self.assembly.reduce(pressed)), HELD_SHARE * np.linalg.norm(inside), SMALLEST_FORCE)
+
     def _at_rest(self, size: float, load: float, correction: float, before: np.ndarray) -> bool:
         """Residual small beside the load, and the last correction beside the way gone at this load."""
         gone = max(np.abs(self.state.free - before).max(), 1e-3 * self.largest)
-        return size <= self.settings.residual * max(load, 1e-30) and correction <= self.settings.correction * gone
+        return size <= self.settings.residual * load and correction <= self.settings.correction * gone
 
     def _step(self, values: np.ndarray, residual: np.ndarray) -> np.ndarray:
         """The step of the shifted system, its shift raised until the matrix is positive and the step no leap."""
