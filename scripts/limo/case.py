@@ -5,8 +5,8 @@ from __future__ import annotations
 import ast
 import hashlib
 import json
-from collections.abc import Iterable
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, fields, replace
 from functools import cache
 from itertools import product
 from pathlib import Path
@@ -56,6 +56,7 @@ class Case:
     """Everything that determines the solution of one device under one pair of pressures.
 
     Pressures in kPa. ``frames`` are the pressures (kPa) whose displacements are kept; they do not belong to the identity.
+    ``build`` names the build of the solver, so that results of two builds lie side by side.
     """
 
     device: Device
@@ -70,6 +71,7 @@ class Case:
     numerics: Numerics
     numerics_name: str
     frames: tuple[float, ...] = field(compare=False, default=())
+    build: str = ""
 
     def mesh_content(self) -> dict[str, Any]:
         """What the mesh depends on: not the pressures, the aspect ratio or any stiffness."""
@@ -91,11 +93,24 @@ class Case:
             "aspect_ratio": self.aspect_ratio,
             "stiffness_ratio": self.stiffness_ratio,
             "numerics": self.numerics.model_dump(mode="json", exclude={"description"}),
+            "build": self.build,
         }
+
+    def path(self, *, any_level: bool = False) -> str:
+        """Hash of all that decides how the solution evolves with P_a: everything but where it stops.
+
+        Cases with equal paths differ in P_a,max alone; with ``any_level`` they may differ in the mesh level too.
+        """
+        content = self.content()
+        del content["actuation_pressure_max"]
+        if any_level:
+            del content["mesh"]["level"]
+        return digest(content)
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data from which ``from_dict`` makes the same case again (for passing it between processes)."""
-        return {k: v.model_dump(mode="json") if hasattr(v, "model_dump") else v for k, v in self.__dict__.items()}
+        values = {f.name: getattr(self, f.name) for f in fields(self)}
+        return {k: v.model_dump(mode="json") if hasattr(v, "model_dump") else v for k, v in values.items()}
 
     @classmethod
     def from_dict(cls, data: dict[str, Any]) -> Case:
@@ -110,13 +125,27 @@ class Case:
         return f"{self.device_name}_np{self.n_pouches}_{self.mesh.level}_{self.mesh.symmetry}_{digest(self.mesh_content())}"
 
     @property
-    def case_id(self) -> str:
-        """Name of the case: the four physical numbers for people, a hash of all the rest."""
-        numbers = (
-            f"np{self.n_pouches}_pv{number_label(self.ventricular_pressure)}"
+    def label(self) -> str:
+        """Device and the four physical numbers, with which the name of the case begins."""
+        return (
+            f"{self.device_name}_np{self.n_pouches}_pv{number_label(self.ventricular_pressure)}"
             f"_ar{number_label(self.aspect_ratio)}_eh{number_label(self.stiffness_ratio)}"
         )
-        return f"{self.device_name}_{numbers}_{self.mesh.level}_{self.numerics_name}_{digest(self.content())}"
+
+    @property
+    def case_id(self) -> str:
+        """Name of the case: the four physical numbers for people, a hash of all the rest."""
+        return f"{self.label}_{self.mesh.level}_{self.numerics_name}_{digest(self.content())}"
+
+
+def solve_code() -> str:
+    """Hash of the code that a solution comes from."""
+    return code_digest(SOLVE_CODE)
+
+
+def describe(case: Case) -> dict[str, Any]:
+    """What ``case.json`` holds, from which a solved case is found again: the case, and the code that solved it."""
+    return {"case": case.to_dict(), "code": solve_code()}
 
 
 def study_cases(loaded: Loaded, name: str) -> dict[tuple, Case]:
@@ -125,11 +154,16 @@ def study_cases(loaded: Loaded, name: str) -> dict[tuple, Case]:
     device, mesh = loaded.devices[study.device], loaded.mesh_of(study)
     scales = study.axes.width_scale or [device.pattern.width_scale]
     axes = study.axes
+    scaled = {
+        scale: device.model_copy(update={"pattern": device.pattern.model_copy(update={"width_scale": scale})}) for scale in scales
+    }
+    # words about a preset are no part of a case: changing them must change nothing that a case is compared by
+    numerics = loaded.numerics_of(study).model_copy(update={"description": ""})
     cases = {}
     for key in product(axes.n_pouches, axes.ventricular_pressure, axes.aspect_ratio, axes.stiffness_ratio, scales):
         n_pouches, pressure, aspect, stiffness, scale = key
         cases[key] = Case(
-            device=device.model_copy(update={"pattern": device.pattern.model_copy(update={"width_scale": scale})}),
+            device=scaled[scale],
             device_name=study.device,
             n_pouches=n_pouches,
             ventricular_pressure=pressure,
@@ -138,9 +172,10 @@ def study_cases(loaded: Loaded, name: str) -> dict[tuple, Case]:
             stiffness_ratio=stiffness,
             mesh=mesh,
             mesh_level=loaded.config.mesh_levels[mesh.level],
-            numerics=loaded.numerics_of(study),
+            numerics=numerics,
             numerics_name=study.numerics or loaded.config.numerics,
             frames=tuple(study.frames_for(pressure)),
+            build=loaded.builds.get("calculix", ""),
         )
     return cases
 
@@ -150,8 +185,9 @@ def all_cases(loaded: Loaded) -> dict[str, Case]:
     cases: dict[str, Case] = {}
     for name in loaded.studies:
         for case in study_cases(loaded, name).values():
-            frames = {*case.frames, *(cases[case.case_id].frames if case.case_id in cases else ())}
-            cases[case.case_id] = Case(**{**case.__dict__, "frames": tuple(sorted(frames))})
+            case_id = case.case_id
+            frames = {*case.frames, *(cases[case_id].frames if case_id in cases else ())}
+            cases[case_id] = replace(case, frames=tuple(sorted(frames)))
     return cases
 
 
@@ -178,22 +214,28 @@ class Wanted:
         return cls({k: tuple(v) for k, v in data["pressures"].items()}, tuple(data["drawn"]))
 
 
-def wanted_cases(loaded: Loaded, studies: Iterable[str] | None = None) -> dict[str, Wanted]:
-    """What the studies (default: all) want of each case, by its id; cases of which only volumes are wanted are left out."""
+def wanted_cases(
+    loaded: Loaded, studies: Iterable[str] | None = None, served: Mapping[str, Mapping[tuple, str]] | None = None
+) -> dict[str, Wanted]:
+    """What the studies (default: all) want of each case, by its id; cases of which only volumes are wanted are left out.
+
+    ``served``: by study, the id of the case that stands for each of its grid (default: the study's own cases).
+    """
     pressures: dict[str, dict[str, set[float]]] = {}
     drawn: dict[str, set[str]] = {}
     for name in loaded.studies if studies is None else studies:
         study = loaded.studies[name]
         if not study.measures:
             continue
-        for case in study_cases(loaded, name).values():
-            of_case = pressures.setdefault(case.case_id, {})
+        for key, case in study_cases(loaded, name).items():
+            case_id = served[name][key] if served else case.case_id
+            of_case = pressures.setdefault(case_id, {})
             p_v = case.ventricular_pressure
             for output in study.measures:
                 chosen = study.fields_at if output == "fields" else [*study.frames, *study.fields_at]
                 of_case.setdefault(output, set()).update(p for p in (study.pressure_of(f, p_v) for f in chosen) if p is not None)
             if "fields" in study.measures:
-                drawn.setdefault(case.case_id, set()).update(o for o in study.measures if o != "fields")
+                drawn.setdefault(case_id, set()).update(o for o in study.measures if o != "fields")
     return {
         case_id: Wanted(
             {o: tuple(sorted(of_case[o])) for o in OUTPUTS if o in of_case},

@@ -24,7 +24,7 @@ Symmetry = Literal["full", "front_back", "quarter"]
 Point = tuple[Annotated[float, Field(ge=0, le=2)], Annotated[float, Field(ge=0, le=1.2)]]
 SplinePoints = Annotated[list[Point], Field(min_length=2)]
 #: rules of the workflow, whose names a study cannot have because it becomes a rule itself
-RULES = ("all", "mesh_device", "solve_case", "solve_long_case", "gather_study", "draw_figure")
+RULES = ("all", "mesh_device", "solve_case", "measure_case", "write_fields", "gather_study", "draw_figure")
 NAME = r"^[A-Za-z][A-Za-z0-9_]*$"
 
 
@@ -462,6 +462,12 @@ class Study(Section):
         description="actuation pressures in kPa whose maps are kept and drawn, written as frames are and kept as frames too",
         examples=[["P_v + 20", "max"]],
     )
+    reuse: Literal["exact", "further", "better"] = Field(
+        "further",
+        description="which other case may stand for one of the study: none (exact), one that goes to a higher P_a,max and is "
+        "otherwise the same (further), or also a solved one on a mesh level with more degrees of freedom (better)",
+        examples=["further"],
+    )
     pressure_step: float = Field(
         0.5, ge=0.01, le=50, description="kPa between the pressures of the study's dataset", examples=[0.5]
     )
@@ -495,6 +501,16 @@ class Study(Section):
         frames = [*self.frames, *(self.fields_at if self.measures else [])]
         pressures = {self.pressure_of(frame, ventricular_pressure) for frame in frames}
         return sorted(p for p in pressures if p is not None)
+
+    def needed_frames(self, ventricular_pressure: float) -> list[float]:
+        """Pressures (kPa) that a case going further must have kept to stand for one of the study, in order.
+
+        Nothing is computed from the frames of a study of volumes alone: its ``max`` means the end of whatever case it is.
+        """
+        if self.measures:
+            return self.frames_for(ventricular_pressure)
+        fixed = [f for f in self.frames if not (isinstance(f, str) and FRAME.match(f).group(1) == "max")]
+        return sorted({p for p in (self.pressure_of(f, ventricular_pressure) for f in fixed) if p is not None})
 
     def pressure_of(self, frame: float | str, ventricular_pressure: float) -> float | None:
         """Actuation pressure (kPa) that an entry of ``frames`` or ``fields_at`` means; None beyond the range of the case."""
@@ -532,11 +548,13 @@ class Config(Section):
 class Loaded:
     """A configuration with its devices and studies resolved and checked against each other.
 
-    ``config`` (``Config``), ``devices`` and ``studies`` (by name), ``files`` (path of each study and device).
+    ``config`` (``Config``), ``devices`` and ``studies`` (by name), ``files`` (path of each study and device), ``builds``
+    (which build of each engine would solve; empty until someone looks).
     """
 
     def __init__(self, config: Config, devices: dict[str, Device], studies: dict[str, Study], files: dict[str, Path]):
         self.config, self.devices, self.studies, self.files = config, devices, studies, files
+        self.builds: dict[str, str] = {}
 
     def mesh_of(self, study: Study) -> Mesh:
         """The mesh a study uses."""
@@ -555,11 +573,11 @@ class Loaded:
             "mesh": self.mesh_of(study),
             "mesh_level": self.config.mesh_levels[self.mesh_of(study).level],
             "numerics": self.numerics_of(study),
-            "solver": self.config.solver,
         }
         if "fatigue" in study.measures:
             sections["fatigue"] = self.config.fatigue
-        return {k: v.model_dump(mode="json") for k, v in sections.items()}
+        # what is drawn of a dataset is no part of it
+        return {k: v.model_dump(mode="json", exclude={"figures", "measured"}) for k, v in sections.items()}
 
 
 class _UniqueKeyLoader(yaml.SafeLoader):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import platform
 import subprocess
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -62,10 +63,13 @@ COORDINATES = {
 }
 
 
-def curves(history: xr.Dataset, ventricular_pressure: float, pressures: np.ndarray) -> dict[str, np.ndarray]:
+def curves(
+    history: xr.Dataset, ventricular_pressure: float, pressures: np.ndarray, maximum: float = np.inf
+) -> dict[str, np.ndarray]:
     """A case's curves at ``pressures`` (n,) in kPa, NaN beyond what it reached, and its values at a stroke of 90 ml.
 
-    Raises nothing for a case without a ramp: everything is NaN then.
+    What lies beyond ``maximum`` (kPa) does not count: the case may have gone further for another study. Raises nothing for
+    a case without a ramp: everything is NaN then.
     """
     ramp = ramp_of(history)
     result = {n: np.full(len(pressures), np.nan) for n, v in VARIABLES.items() if v.dims == CURVE_DIMS}
@@ -74,6 +78,10 @@ def curves(history: xr.Dataset, ventricular_pressure: float, pressures: np.ndarr
         return result
     pressure = ramp.actuation_pressure.values
     ventricle, actuation = ramp.ventricle_volume.values, ramp.actuation_volume.values
+    if pressure[-1] > maximum:
+        ends = np.append(pressure[pressure < maximum], maximum)
+        ventricle, actuation = (np.interp(ends, pressure, values) for values in (ventricle, actuation))
+        pressure = ends
     stroke, change = ventricle[0] - ventricle, actuation - actuation[0]
     at = {
         "ventricle_volume": ventricle,
@@ -99,12 +107,14 @@ def efficiency_reason(case_status: str, stroke: np.ndarray) -> str:
     return ""
 
 
-def gather_study(loaded: Loaded, name: str, case_folder: Path) -> xr.Dataset:
+def gather_study(loaded: Loaded, name: str, case_folder: Path, sources: Sequence[str] | None = None) -> xr.Dataset:
     """One dataset of a study from the results of its cases below ``case_folder``.
 
-    A case that failed leaves gaps and its status; one whose files cannot be read counts as ``missing``.
+    ``sources``: ids of the cases that serve the study, in the order of its grid (default: its own cases). A case that
+    failed leaves gaps and its status; one whose files cannot be read counts as ``missing``.
     """
     study, cases = loaded.studies[name], study_cases(loaded, name)
+    source = dict(zip(cases, sources or [case.case_id for case in cases.values()], strict=True))
     highest = max(case.actuation_pressure_max for case in cases.values())
     pressures = np.unique(
         np.append(np.arange(0.0, highest, study.pressure_step), sorted({c.actuation_pressure_max for c in cases.values()}))
@@ -122,14 +132,14 @@ def gather_study(loaded: Loaded, name: str, case_folder: Path) -> xr.Dataset:
     }
     for key, case in cases.items():
         index = tuple(coords[d].index(k) for d, k in zip(CASE_DIMS, key, strict=True))
-        status, values = _read_case(case, case_folder / case.case_id, pressures)
+        status, values = _read_case(case, case_folder / source[key], pressures)
         for variable, value in values.items():
             data[variable][index] = value
         beyond = pressures > case.actuation_pressure_max + 1e-9
         for variable, definition in VARIABLES.items():
             if definition.dims == CURVE_DIMS:
                 data[variable][index][beyond] = np.nan
-        text["case_id"][index] = case.case_id
+        text["case_id"][index] = source[key]
         text["case_status"][index] = status["status"]
         text["case_reason"][index] = status["reason"]
         text["efficiency_90ml_reason"][index] = efficiency_reason(status["status"], data["stroke_volume"][index])
@@ -145,7 +155,7 @@ def gather_study(loaded: Loaded, name: str, case_folder: Path) -> xr.Dataset:
         attrs=_attributes(loaded, name),
     )
     if study.measures:
-        measured = gather_measures(loaded, name, cases, coords, case_folder)
+        measured = gather_measures(loaded, name, cases, coords, case_folder, source)
         dataset = dataset.merge(measured).assign_attrs(measured.attrs)
     for coordinate, (units, long_name) in COORDINATES.items():
         dataset[coordinate].attrs = {"units": units, "long_name": long_name}
@@ -155,20 +165,27 @@ def gather_study(loaded: Loaded, name: str, case_folder: Path) -> xr.Dataset:
 
 
 def _read_case(case: Case, folder: Path, pressures: np.ndarray) -> tuple[dict, dict]:
-    """Status and values of one case; an unreadable result is a status, not an error."""
+    """Status and values of one case as far as its own P_a,max; an unreadable result is a status, not an error.
+
+    A case that went further and failed there has converged as far as this study is concerned.
+    """
     if not (folder / "status.json").exists():
         return {"status": "missing", "reason": "not solved"}, {}
     try:
         status = read_json(folder / "status.json")
         with xr.open_dataset(folder / "volumes.nc") as history:
-            values = curves(history.load(), case.ventricular_pressure, pressures)
+            values = curves(history.load(), case.ventricular_pressure, pressures, case.actuation_pressure_max)
     except (ResultError, OSError, ValueError, KeyError) as error:
         return {"status": "missing", "reason": str(error)}, {}
-    missing = float("nan")
+    missing, reached = float("nan"), status.get("actuation_pressure_reached")
+    if reached is not None and reached > case.actuation_pressure_max:
+        reached = case.actuation_pressure_max
+        if status["status"] != "converged":
+            status = status | {"status": "converged", "reason": ""}
     values |= {
         "dissipated_fraction": status.get("dissipated_fraction"),
         "rest_change": status.get("rest_change"),
-        "actuation_pressure_reached": status.get("actuation_pressure_reached"),
+        "actuation_pressure_reached": reached,
         "solver_time": status.get("solver_cpu_seconds"),
         "python_time": status.get("python_cpu_seconds"),
         "iterations": status.get("iterations"),

@@ -14,7 +14,7 @@ import numpy as np
 import xarray as xr
 
 from limo.buckling import Event, events, largest_events
-from limo.case import Case
+from limo.case import Case, describe
 from limo.config import Solver
 from limo.deck import StageTime, actuation_pressure_at, write_deck
 from limo.energy import EnergyBalance, conjugate_volumes, ramp_balance, stored_energy
@@ -33,7 +33,7 @@ LARGEST_DISPLACEMENT = 3.0
 
 
 def solve_case(case: Case, mesh_file: Path, folder: Path, solver: Solver, command: Path) -> dict:
-    """Solve ``case`` in ``folder/run`` and write ``status.json``, ``volumes.nc`` and ``frames.nc`` into ``folder``.
+    """Solve ``case`` in ``folder/run`` and write ``case.json``, ``status.json``, ``volumes.nc``, ``frames.nc`` into ``folder``.
 
     Returns the status. The solver's own large files are removed; its deck, log and .sta stay in ``folder/run``.
     """
@@ -72,6 +72,7 @@ def solve_case(case: Case, mesh_file: Path, folder: Path, solver: Solver, comman
     }
     summary |= rest | _energy(model, history, frames)
     history.attrs |= {"case": case.case_id, "status": status, "reason": reason}
+    write_json(folder / "case.json", describe(case))
     write_whole(folder / "frames.nc", frames.to_netcdf)
     write_whole(folder / "volumes.nc", history.to_netcdf)
     summary["python_cpu_seconds"] = round(time.process_time(), 2)  # of this process, start and imports included

@@ -1,7 +1,49 @@
-def study_results(name):
-    """Results of the cases of a study."""
+# Longest first, so that the cores finish together; meshes before all, or the longest case would wait for its own.
+PRIORITIES = ranks(COSTS)
+MESH_PRIORITIES = {
+    PLAN.cases[name].mesh_id: len(COSTS) + rank for name, rank in sorted(PRIORITIES.items(), key=lambda item: item[1])
+}
+
+
+def case_of(wildcards):
+    """The case that a path names."""
+    try:
+        return PLAN.cases[wildcards.case]
+    except KeyError:
+        raise WorkflowError(f"{wildcards.case}: no study of {CONFIG_FILE} uses this case") from None
+
+
+def mesh_of_case(wildcards):
+    """The mesh of the case that a path names."""
+    return f"results/meshes/{case_of(wildcards).mesh_id}.vtu"
+
+
+def mesh_content(wildcards):
+    """What the mesh that a path names is made of."""
+    try:
+        return MESHES[wildcards.mesh].mesh_content()
+    except KeyError:
+        raise WorkflowError(f"{wildcards.mesh}: no study of {CONFIG_FILE} uses this mesh") from None
+
+
+def study_results(wildcards):
+    """Results of the cases that serve a study."""
+    name = wildcards.study
     files = ("status.json", "volumes.nc", *(["measures.nc"] if LOADED.studies[name].measures else []))
-    return [f"results/cases/{case.case_id}/{file}" for case in STUDIES[name].values() for file in files]
+    return [f"results/cases/{case_id}/{file}" for case_id in PLAN.of_study(name) for file in files]
+
+
+def study_content(wildcards):
+    """Digest of what a study's dataset depends on besides results: all its keys but words and figures."""
+    content = LOADED.content(wildcards.study)
+    for section in ("study", "numerics"):
+        del content[section]["description"]
+    return digest(content)
+
+
+def study_sources(wildcards):
+    """Ids of the cases that serve a study, in the order of its grid."""
+    return list(PLAN.served[wildcards.study].values())
 
 
 def study_targets(name):
@@ -9,7 +51,11 @@ def study_targets(name):
     figures = expand(
         "results/studies/{study}/figures/{figure}.{kind}", study=name, figure=LOADED.studies[name].figures, kind=["png", "pdf"]
     )
-    fields = [
-        f"results/cases/{case.case_id}/fields" for case in STUDIES[name].values() if "fields" in LOADED.studies[name].outputs
-    ]
-    return [f"results/studies/{name}/study.nc", *figures, *fields]
+    drawn = PLAN.of_study(name) if "fields" in LOADED.studies[name].outputs else []
+    return [f"results/studies/{name}/study.nc", *figures, *(f"results/cases/{case_id}/fields" for case_id in drawn)]
+
+
+def fatigue_of(wildcards):
+    """The strain-life curve where it is asked for; elsewhere only what tells seams from the rest."""
+    asked = "fatigue" in PLAN.wanted[wildcards.case].pressures
+    return LOADED.config.fatigue.model_dump(mode="json", include=None if asked else {"seam_distance"})
