@@ -40,15 +40,19 @@ def digest(data: Any, length: int = 10) -> str:
 @cache
 def code_digest(modules: tuple[str, ...]) -> str:
     """Hash of what modules of this package do: comments, docstrings and layout do not count."""
-    hashes = []
-    for name in modules:
-        tree = ast.parse((PACKAGE / f"{name.replace('.', '/')}.py").read_text(encoding="utf-8"))
-        for node in ast.walk(tree):
-            body = getattr(node, "body", None)
-            if isinstance(body, list) and body and isinstance(body[0], ast.Expr) and isinstance(body[0].value, ast.Constant):
-                del body[0]
-        hashes.append(hashlib.sha256(ast.dump(tree).encode()).hexdigest())
-    return digest(hashes)
+    files = (PACKAGE / f"{name.replace('.', '/')}.py" for name in modules)
+    return digest([_meaning(file.read_text(encoding="utf-8")) for file in files])
+
+
+@cache
+def _meaning(source: str) -> str:
+    """Hash of what a module does."""
+    tree = ast.parse(source)
+    for node in ast.walk(tree):
+        body = getattr(node, "body", None)
+        if isinstance(body, list) and body and isinstance(body[0], ast.Expr) and isinstance(body[0].value, ast.Constant):
+            del body[0]
+    return hashlib.sha256(ast.dump(tree).encode()).hexdigest()
 
 
 @dataclass(frozen=True)

@@ -692,8 +692,9 @@ def load_config(path: str | Path = "config/config.yaml") -> Loaded:
             raise ConfigError(path, "studies", name, f"a study in {path.parent}/studies: {names}", "studies: [pressure_volume]")
     _check_names(path, "mesh.level", config.mesh.level, config.mesh_levels)
     _check_names(path, "numerics", config.numerics, config.numerics_presets)
+    cut: set[tuple[str, float, int]] = set()
     for name, study in studies.items():
-        _check_study(loaded, files[f"studies/{name}"], study)
+        _check_study(loaded, files[f"studies/{name}"], study, cut)
     return loaded
 
 
@@ -706,8 +707,11 @@ def _check_names(path: Path, key: str, value: str, known: dict[str, Any], *, lis
         raise ConfigError(path, key, value, f"one of: {names}", f"{section}: {{{example}}}" if section else example)
 
 
-def _check_study(loaded: Loaded, path: Path, study: Study) -> None:
-    """What a study names must exist, and its pressures must fit together."""
+def _check_study(loaded: Loaded, path: Path, study: Study, cut: set[tuple[str, float, int]]) -> None:
+    """What a study names must exist, and its pressures must fit together.
+
+    ``cut``: the (device, width_scale, N_p) whose layout other studies have tried; those of this study are added.
+    """
     from limo.figures import FIGURES, NEEDS
     from limo.geometry import flat_pattern
 
@@ -758,8 +762,10 @@ def _check_study(loaded: Loaded, path: Path, study: Study) -> None:
     device = loaded.devices[study.device]
     for scale in study.axes.width_scale or [device.pattern.width_scale]:
         for n_pouches in study.axes.n_pouches:
-            pattern = device.pattern.model_copy(update={"width_scale": scale})
-            flat_pattern(pattern, n_pouches, loaded.files[f"devices/{study.device}"])
+            if (study.device, scale, n_pouches) not in cut:
+                pattern = device.pattern.model_copy(update={"width_scale": scale})
+                flat_pattern(pattern, n_pouches, loaded.files[f"devices/{study.device}"])
+                cut.add((study.device, scale, n_pouches))
 
 
 def json_schemas() -> dict[str, dict[str, Any]]:

@@ -88,3 +88,10 @@ def schedule(costs: Iterable[float], cores: int) -> float:
     for cost in sorted(costs, reverse=True):
         heapq.heapreplace(free, free[0] + cost)
     return max(free)
+
+
+def duration(seconds: float) -> str:
+    """A time for people, with as many digits as a prediction deserves: ``40 s``, ``23 min``, ``5.5 h``."""
+    if seconds < 100:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 6000 else f"{seconds / 3600:.1f} h"
