@@ -24,7 +24,8 @@ LOADED.builds = {"calculix": build_id(CCX)}
 PLAN = make_plan(LOADED)
 COSTS = plan_costs(PLAN)
 MESHES = {case.mesh_id: case for case in PLAN.cases.values()}
-# how a case is solved and watched, but nothing that decides its result: scripts find it here, where no change re-runs them
+# what decides no result, such as paths and limits of time: scripts find it here, where no change re-runs them
+config["file"] = CONFIG_FILE
 config["solving"] = {"solver": LOADED.config.solver.model_dump(mode="json"), "command": str(CCX)}
 
 

@@ -8,7 +8,6 @@ rule gather_study:
     conda:
         "../envs/limo.yaml"
     params:
-        config_file=CONFIG_FILE,
         content=study_content,
         sources=study_sources,
         code=code_digest(GATHER_CODE),
