@@ -8,6 +8,8 @@ import shutil
 import pytest
 import xarray as xr
 
+from limo.cli import main
+from limo.config import load_config
 from limo.engines.calculix import find_ccx
 
 from .conftest import Project
@@ -53,8 +55,6 @@ def test_the_same_solver_elsewhere_runs_nothing_and_another_build_everything_bes
 
 
 def pretended_solver(project: Project):
-    from limo.config import load_config
-
     return load_config(project.config_file).config.solver
 
 
@@ -138,6 +138,27 @@ def test_a_case_of_no_study_is_one_message(pretended):
     done = pretended.snakemake("-n", "results/cases/unknown/status.json")
     assert done.returncode != 0
     assert "no study of" in done.stdout + done.stderr
+
+
+def test_check_tells_what_is_solved_served_and_left(pretended, capsys, monkeypatch):
+    pretended.study("short", actuation_pressure_max=7.0)
+    pretended.study("long", actuation_pressure_max=20.0)
+    monkeypatch.chdir(pretended.folder)
+    assert main(["check", "--cores", "2"]) == 0
+    said = {line.split(":")[0].strip(): line for line in capsys.readouterr().out.splitlines()}
+    assert "2 cases on 2 meshes, 2 solved" in said["tiny"]
+    assert "2 solved, 2 of 2 served by a case beyond them" in said["short"]
+    assert "0 solved, 2 to solve in" in said["long"]
+    assert main(["check", "long", "short"]) == 0
+    assert "together 4 distinct cases, 2 to solve in" in capsys.readouterr().out
+    assert main(["check", "nobody"]) == 1
+    assert "nobody" in capsys.readouterr().err
+
+
+def test_a_case_that_was_removed_is_solved_again_once_its_study_is_gathered(pretended):
+    (case_id, _) = pretended.plan().of_study("tiny")
+    shutil.rmtree(pretended.folder / "results/cases" / case_id)
+    assert pretended.planned("tiny", "--forcerun", "gather_study")["solve_case"] == 1
 
 
 def test_a_thousand_cases_are_planned_within_seconds(project):
