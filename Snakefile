@@ -23,7 +23,8 @@ except LimoError as error:
 LOADED.builds = {"calculix": build_id(CCX)}
 PLAN = make_plan(LOADED)
 COSTS = plan_costs(PLAN)
-MESHES = {case.mesh_id: case for case in PLAN.cases.values()}
+MESH_IDS = {name: case.mesh_id for name, case in PLAN.cases.items()}
+MESHES = {MESH_IDS[name]: case for name, case in PLAN.cases.items()}
 # what decides no result, such as paths and limits of time: scripts find it here, where no change re-runs them
 config["file"] = CONFIG_FILE
 config["solving"] = {"solver": LOADED.config.solver.model_dump(mode="json"), "command": str(CCX)}

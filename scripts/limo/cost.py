@@ -75,7 +75,7 @@ def plan_costs(plan: Plan) -> dict[str, float]:
 
 
 def ranks(costs: Mapping[str, float]) -> dict[str, int]:
-    """Priorities from 1 (the shortest) upwards, so that the longest case starts first."""
+    """Priorities from 1 (the shortest) upwards and in that order, so that the longest case starts first."""
     return {name: k for k, name in enumerate(sorted(costs, key=lambda n: (costs[n], n)), 1)}
 
 

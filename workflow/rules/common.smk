@@ -1,21 +1,14 @@
 # Longest first, so that the cores finish together; meshes before all, or the longest case would wait for its own.
 PRIORITIES = ranks(COSTS)
-MESH_PRIORITIES = {
-    PLAN.cases[name].mesh_id: len(COSTS) + rank for name, rank in sorted(PRIORITIES.items(), key=lambda item: item[1])
-}
-
-
-def case_of(wildcards):
-    """The case that a path names."""
-    try:
-        return PLAN.cases[wildcards.case]
-    except KeyError:
-        raise WorkflowError(f"{wildcards.case}: no study of {CONFIG_FILE} uses this case") from None
+MESH_PRIORITIES = {MESH_IDS[name]: len(COSTS) + rank for name, rank in PRIORITIES.items()}
 
 
 def mesh_of_case(wildcards):
     """The mesh of the case that a path names."""
-    return f"results/meshes/{case_of(wildcards).mesh_id}.vtu"
+    try:
+        return f"results/meshes/{MESH_IDS[wildcards.case]}.vtu"
+    except KeyError:
+        raise WorkflowError(f"{wildcards.case}: no study of {CONFIG_FILE} uses this case") from None
 
 
 def mesh_content(wildcards):

@@ -17,7 +17,7 @@ rule solve_case:
     resources:
         predicted_seconds=lambda wildcards: round(COSTS.get(wildcards.case, 0)),
     params:
-        case=lambda wildcards: case_of(wildcards).to_dict(),
+        case=lambda wildcards: PLAN.cases[wildcards.case].to_dict(),
         code=solve_code(),
     message:
         "Solve {wildcards.case}, predicted {resources.predicted_seconds} s of CPU time"
