@@ -6,42 +6,37 @@ from snakemake.exceptions import WorkflowError
 
 sys.path.insert(0, str(Path(workflow.basedir) / "scripts"))
 
-from limo.case import (
-    FIELD_CODE,
-    GATHER_CODE,
-    MEASURE_CODE,
-    MESH_CODE,
-    SOLVE_CODE,
-    all_cases,
-    code_digest,
-    study_cases,
-    wanted_cases,
-)
+from limo.case import FIELD_CODE, GATHER_CODE, MEASURE_CODE, MESH_CODE, code_digest, digest, solve_code
 from limo.config import load_config
-from limo.engines.calculix import find_ccx
+from limo.cost import plan_costs, ranks
+from limo.engines.find import find_engines
 from limo.errors import LimoError
+from limo.plan import make_plan
 
 CONFIG_FILE = config.get("file", "config/config.yaml")
 try:
     LOADED = load_config(CONFIG_FILE)
-    CCX = find_ccx(LOADED.config.solver, CONFIG_FILE)
+    CCX = find_engines(LOADED, CONFIG_FILE)
 except LimoError as error:
     raise WorkflowError(str(error)) from None
 
-CASES = all_cases(LOADED)
-WANTED = wanted_cases(LOADED)
-MESHES = {case.mesh_id: case for case in CASES.values()}
-LONG_CASES = "|".join(re.escape(name) for name, case in CASES.items() if case.n_pouches <= 8) or "none"
-STUDIES = {name: study_cases(LOADED, name) for name in LOADED.studies}
+PLAN = make_plan(LOADED)
+COSTS = plan_costs(PLAN)
+MESH_IDS = {name: case.mesh_id for name, case in PLAN.cases.items()}
+MESHES = {MESH_IDS[name]: case for name, case in PLAN.cases.items()}
+# what decides no result, such as paths and limits of time: scripts find it here, where no change re-runs them
+config["file"] = CONFIG_FILE
+config["solving"] = {"solver": LOADED.config.solver.model_dump(mode="json"), "command": str(CCX or "")}
 
 
 include: "workflow/rules/common.smk"
 
 
+# short patterns: Snakemake puts them into every path it compares, and a thousand names would take it seconds
 wildcard_constraints:
-    case="|".join(map(re.escape, CASES)),
-    mesh="|".join(map(re.escape, MESHES)),
-    study="|".join(STUDIES),
+    case=r"[\w.]+",
+    mesh=r"\w+",
+    study="|".join(LOADED.studies),
     figure=r"[a-z_]+",
     kind="png|pdf",
 
@@ -53,7 +48,7 @@ include: "workflow/rules/aggregate.smk"
 include: "workflow/rules/figures.smk"
 
 
-for name in STUDIES:
+for name in LOADED.studies:
 
     rule:
         name:

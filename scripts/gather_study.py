@@ -8,6 +8,7 @@ from limo.door import logged
 from limo.files import write_whole
 
 with logged(snakemake.log[0]):  # noqa: F821
-    loaded = load_config(snakemake.params.config_file)  # noqa: F821
-    dataset = gather_study(loaded, snakemake.wildcards.study, Path("results/cases"))  # noqa: F821
+    loaded = load_config(snakemake.config["file"])  # noqa: F821
+    study, sources = snakemake.wildcards.study, snakemake.params.sources  # noqa: F821
+    dataset = gather_study(loaded, study, Path("results/cases"), sources)
     write_whole(Path(snakemake.output[0]), dataset.to_netcdf)  # noqa: F821

@@ -5,10 +5,11 @@ from pathlib import Path
 from limo.case import Case, Wanted
 from limo.config import Fatigue
 from limo.door import logged
+from limo.files import read_json
 from limo.measures import measure_case
 
 with logged(snakemake.log[0]) as log:  # noqa: F821
-    case = Case.from_dict(snakemake.params.case)  # noqa: F821
+    case = Case.from_dict(read_json(Path(snakemake.input.case))["case"])  # noqa: F821
     wanted = Wanted.from_dict(snakemake.params.wanted)  # noqa: F821
     fatigue = Fatigue.model_validate(snakemake.params.fatigue)  # noqa: F821
     measured = measure_case(case, wanted, fatigue, Path(snakemake.input.mesh), Path(snakemake.output[0]).parent)  # noqa: F821

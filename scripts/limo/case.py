@@ -5,14 +5,14 @@ from __future__ import annotations
 import ast
 import hashlib
 import json
-from collections.abc import Iterable
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, fields, replace
 from functools import cache
 from itertools import product
 from pathlib import Path
 from typing import Any
 
-from limo.config import OUTPUTS, Device, Loaded, Mesh, MeshLevel, Numerics
+from limo.config import ENGINES, OUTPUTS, Device, Loaded, Mesh, MeshLevel, Numerics
 
 PACKAGE = Path(__file__).parent
 #: modules whose code decides what a mesh looks like
@@ -45,15 +45,19 @@ def digest(data: Any, length: int = 10) -> str:
 @cache
 def code_digest(modules: tuple[str, ...]) -> str:
     """Hash of what modules of this package do: comments, docstrings and layout do not count."""
-    hashes = []
-    for name in modules:
-        tree = ast.parse((PACKAGE / f"{name.replace('.', '/')}.py").read_text(encoding="utf-8"))
-        for node in ast.walk(tree):
-            body = getattr(node, "body", None)
-            if isinstance(body, list) and body and isinstance(body[0], ast.Expr) and isinstance(body[0].value, ast.Constant):
-                del body[0]
-        hashes.append(hashlib.sha256(ast.dump(tree).encode()).hexdigest())
-    return digest(hashes)
+    files = (PACKAGE / f"{name.replace('.', '/')}.py" for name in modules)
+    return digest([_meaning(file.read_text(encoding="utf-8")) for file in files])
+
+
+@cache
+def _meaning(source: str) -> str:
+    """Hash of what a module does."""
+    tree = ast.parse(source)
+    for node in ast.walk(tree):
+        body = getattr(node, "body", None)
+        if isinstance(body, list) and body and isinstance(body[0], ast.Expr) and isinstance(body[0].value, ast.Constant):
+            del body[0]
+    return hashlib.sha256(ast.dump(tree).encode()).hexdigest()
 
 
 @dataclass(frozen=True)
@@ -61,6 +65,8 @@ class Case:
     """Everything that determines the solution of one device under one pair of pressures.
 
     Pressures in kPa. ``frames`` are the pressures (kPa) whose displacements are kept; they do not belong to the identity.
+    ``build`` names the build of the engine, so that results of two builds lie side by side. ``branch`` is 0 for the flat state
+    as it is, and otherwise the seed of a perturbation of it that is far below what could be made.
     """
 
     device: Device
@@ -76,6 +82,8 @@ class Case:
     numerics_name: str
     frames: tuple[float, ...] = field(compare=False, default=())
     engine: str = "calculix"
+    build: str = ""
+    branch: int = 0
 
     def mesh_content(self) -> dict[str, Any]:
         """What the mesh depends on: not the pressures, the aspect ratio or any stiffness."""
@@ -98,6 +106,8 @@ class Case:
             "stiffness_ratio": self.stiffness_ratio,
             "engine": self.engine,
             "numerics": self.numerics_content(),
+            "build": self.build,
+            "branch": self.branch,
         }
 
     def numerics_content(self) -> dict[str, Any]:
@@ -106,9 +116,21 @@ class Case:
             return self.numerics.newton.model_dump(mode="json")
         return self.numerics.model_dump(mode="json", exclude={"description", "newton"})
 
+    def path(self, *, any_level: bool = False) -> str:
+        """Hash of all that decides how the solution evolves with P_a: everything but where it stops.
+
+        Cases with equal paths differ in P_a,max alone; with ``any_level`` they may differ in the mesh level too.
+        """
+        content = self.content()
+        del content["actuation_pressure_max"]
+        if any_level:
+            del content["mesh"]["level"]
+        return digest(content)
+
     def to_dict(self) -> dict[str, Any]:
         """Plain data from which ``from_dict`` makes the same case again (for passing it between processes)."""
-        return {k: v.model_dump(mode="json") if hasattr(v, "model_dump") else v for k, v in self.__dict__.items()}
+        values = {f.name: getattr(self, f.name) for f in fields(self)}
+        return {k: v.model_dump(mode="json") if hasattr(v, "model_dump") else v for k, v in values.items()}
 
     @classmethod
     def from_dict(cls, data: dict[str, Any]) -> Case:
@@ -123,26 +145,47 @@ class Case:
         return f"{self.device_name}_np{self.n_pouches}_{self.mesh.level}_{self.mesh.symmetry}_{digest(self.mesh_content())}"
 
     @property
-    def case_id(self) -> str:
-        """Name of the case: the four physical numbers for people, a hash of all the rest."""
-        numbers = (
-            f"np{self.n_pouches}_pv{number_label(self.ventricular_pressure)}"
+    def label(self) -> str:
+        """Device and the four physical numbers, with which the name of the case begins."""
+        return (
+            f"{self.device_name}_np{self.n_pouches}_pv{number_label(self.ventricular_pressure)}"
             f"_ar{number_label(self.aspect_ratio)}_eh{number_label(self.stiffness_ratio)}"
         )
-        return f"{self.device_name}_{numbers}_{self.mesh.level}_{self.numerics_name}_{digest(self.content())}"
+
+    @property
+    def case_id(self) -> str:
+        """Name of the case: the four physical numbers for people, a hash of all the rest."""
+        return f"{self.label}_{self.mesh.level}_{self.numerics_name}_{digest(self.content())}"
+
+
+def solve_code(engine: str) -> str:
+    """Hash of the code that a solution comes from."""
+    return code_digest(SOLVE_CODE[engine])
+
+
+def describe(case: Case) -> dict[str, Any]:
+    """What ``case.json`` holds, from which a solved case is found again: the case, and the code that solved it."""
+    return {"case": case.to_dict(), "code": solve_code(case.engine)}
 
 
 def study_cases(loaded: Loaded, name: str) -> dict[tuple, Case]:
-    """The cases of a study by (n_pouches, ventricular_pressure, aspect_ratio, stiffness_ratio, width_scale)."""
+    """The cases of a study by (n_pouches, ventricular_pressure, aspect_ratio, stiffness_ratio, width_scale, branch)."""
     study = loaded.studies[name]
     device, mesh = loaded.devices[study.device], loaded.mesh_of(study)
     scales = study.axes.width_scale or [device.pattern.width_scale]
     axes = study.axes
+    scaled = {
+        scale: device.model_copy(update={"pattern": device.pattern.model_copy(update={"width_scale": scale})}) for scale in scales
+    }
+    # words about a preset are no part of a case: changing them must change nothing that a case is compared by
+    numerics = loaded.numerics_of(study).model_copy(update={"description": ""})
     cases = {}
-    for key in product(axes.n_pouches, axes.ventricular_pressure, axes.aspect_ratio, axes.stiffness_ratio, scales):
-        n_pouches, pressure, aspect, stiffness, scale = key
+    engine = loaded.engine_of(study)
+    grid = (axes.n_pouches, axes.ventricular_pressure, axes.aspect_ratio, axes.stiffness_ratio, scales, range(study.branches))
+    for key in product(*grid):
+        n_pouches, pressure, aspect, stiffness, scale, branch = key
         cases[key] = Case(
-            device=device.model_copy(update={"pattern": device.pattern.model_copy(update={"width_scale": scale})}),
+            device=scaled[scale],
             device_name=study.device,
             n_pouches=n_pouches,
             ventricular_pressure=pressure,
@@ -151,12 +194,27 @@ def study_cases(loaded: Loaded, name: str) -> dict[tuple, Case]:
             stiffness_ratio=stiffness,
             mesh=mesh,
             mesh_level=loaded.config.mesh_levels[mesh.level],
-            numerics=loaded.numerics_of(study),
+            numerics=numerics,
             numerics_name=study.numerics or loaded.config.numerics,
             frames=tuple(study.frames_for(pressure)),
-            engine=loaded.engine_of(study),
+            engine=engine,
+            build=loaded.builds.get(engine, ""),
+            branch=branch,
         )
     return cases
+
+
+def cross_checks(loaded: Loaded, name: str) -> dict[tuple, Case]:
+    """The cases of a study that another engine solves too, by their place in the study's grid: ``cross_check`` of them.
+
+    They are spread evenly over the grid, the first and the last among them, and none is perturbed.
+    """
+    study = loaded.studies[name]
+    cases = {key: case for key, case in study_cases(loaded, name).items() if not case.branch}
+    other = next(e for e in ENGINES if e != loaded.engine_of(study))
+    count, keys = min(study.cross_check, len(cases)), list(cases)
+    places = [round(k * (len(keys) - 1) / max(count - 1, 1)) for k in range(count)]
+    return {keys[k]: replace(cases[keys[k]], engine=other, build=loaded.builds.get(other, "")) for k in places}
 
 
 def all_cases(loaded: Loaded) -> dict[str, Case]:
@@ -164,8 +222,9 @@ def all_cases(loaded: Loaded) -> dict[str, Case]:
     cases: dict[str, Case] = {}
     for name in loaded.studies:
         for case in study_cases(loaded, name).values():
-            frames = {*case.frames, *(cases[case.case_id].frames if case.case_id in cases else ())}
-            cases[case.case_id] = Case(**{**case.__dict__, "frames": tuple(sorted(frames))})
+            case_id = case.case_id
+            frames = {*case.frames, *(cases[case_id].frames if case_id in cases else ())}
+            cases[case_id] = replace(case, frames=tuple(sorted(frames)))
     return cases
 
 
@@ -192,22 +251,28 @@ class Wanted:
         return cls({k: tuple(v) for k, v in data["pressures"].items()}, tuple(data["drawn"]))
 
 
-def wanted_cases(loaded: Loaded, studies: Iterable[str] | None = None) -> dict[str, Wanted]:
-    """What the studies (default: all) want of each case, by its id; cases of which only volumes are wanted are left out."""
+def wanted_cases(
+    loaded: Loaded, studies: Iterable[str] | None = None, served: Mapping[str, Mapping[tuple, str]] | None = None
+) -> dict[str, Wanted]:
+    """What the studies (default: all) want of each case, by its id; cases of which only volumes are wanted are left out.
+
+    ``served``: by study, the id of the case that stands for each of its grid (default: the study's own cases).
+    """
     pressures: dict[str, dict[str, set[float]]] = {}
     drawn: dict[str, set[str]] = {}
     for name in loaded.studies if studies is None else studies:
         study = loaded.studies[name]
         if not study.measures:
             continue
-        for case in study_cases(loaded, name).values():
-            of_case = pressures.setdefault(case.case_id, {})
+        for key, case in study_cases(loaded, name).items():
+            case_id = served[name][key] if served else case.case_id
+            of_case = pressures.setdefault(case_id, {})
             p_v = case.ventricular_pressure
             for output in study.measures:
                 chosen = study.fields_at if output == "fields" else [*study.frames, *study.fields_at]
                 of_case.setdefault(output, set()).update(p for p in (study.pressure_of(f, p_v) for f in chosen) if p is not None)
             if "fields" in study.measures:
-                drawn.setdefault(case.case_id, set()).update(o for o in study.measures if o != "fields")
+                drawn.setdefault(case_id, set()).update(o for o in study.measures if o != "fields")
     return {
         case_id: Wanted(
             {o: tuple(sorted(of_case[o])) for o in OUTPUTS if o in of_case},

@@ -21,13 +21,14 @@ from limo.errors import ConfigError
 
 Element = Literal["S8", "S8R", "C3D20", "C3D20R"]
 Engine = Literal["calculix", "newton"]
+ENGINES = get_args(Engine)
 #: the stages of a case in their order
 STAGES = ("fit", "hold", "ramp")
 Symmetry = Literal["full", "front_back", "quarter"]
 Point = tuple[Annotated[float, Field(ge=0, le=2)], Annotated[float, Field(ge=0, le=1.2)]]
 SplinePoints = Annotated[list[Point], Field(min_length=2)]
 #: rules of the workflow, whose names a study cannot have because it becomes a rule itself
-RULES = ("all", "mesh_device", "solve_case", "solve_long_case", "gather_study", "draw_figure")
+RULES = ("all", "mesh_device", "solve_case", "measure_case", "write_fields", "gather_study", "draw_figure")
 NAME = r"^[A-Za-z][A-Za-z0-9_]*$"
 
 
@@ -262,7 +263,7 @@ class Newton(Section):
     """Limits of the engine newton, which goes from equilibrium to equilibrium without time."""
 
     fit_steps: int = Field(10, ge=1, le=1000, description="equilibria from the flat state to the fitted one", examples=[10])
-    load_step: float = Field(2.0, gt=0, le=100, description="kPa between the equilibria of the ramp", examples=[2.0])
+    load_step: float = Field(1.0, gt=0, le=100, description="kPa between the equilibria of the ramp", examples=[1.0])
     residual: float = Field(1e-3, gt=0, le=0.1, description="largest residual over the load, both as 2-norms", examples=[1e-3])
     correction: float = Field(
         1e-2, gt=0, le=1, description="largest correction over the largest displacement of a load step", examples=[1e-2]
@@ -475,6 +476,16 @@ class Study(Section):
     engine: Engine | None = Field(
         None, description="what solves the cases, instead of the configuration's engine", examples=["newton"]
     )
+    branches: int = Field(
+        1,
+        ge=1,
+        le=100,
+        description="solutions of each case: the flat state as it is, and others from it with tiny seeded perturbations",
+        examples=[5],
+    )
+    cross_check: int = Field(
+        0, ge=0, le=1000, description="how many of the cases are solved by the other engine too, for comparison", examples=[2]
+    )
     axes: Axes
     actuation_pressure_max: Annotated[float, Field(gt=0, le=1000)] | dict[float, Annotated[float, Field(gt=0, le=1000)]] = Field(
         description="P_a,max in kPa, one number or one for each P_v", examples=[{3.8: 60, 13.8: 100, 23.8: 140}]
@@ -498,6 +509,12 @@ class Study(Section):
         default=["max"],
         description="actuation pressures in kPa whose maps are kept and drawn, written as frames are and kept as frames too",
         examples=[["P_v + 20", "max"]],
+    )
+    reuse: Literal["exact", "further", "better"] = Field(
+        "further",
+        description="which other case may stand for one of the study: none (exact), one that goes to a higher P_a,max and is "
+        "otherwise the same (further), or also a solved one on a mesh level with more degrees of freedom (better)",
+        examples=["further"],
     )
     pressure_step: float = Field(
         0.5, ge=0.01, le=50, description="kPa between the pressures of the study's dataset", examples=[0.5]
@@ -532,6 +549,16 @@ class Study(Section):
         frames = [*self.frames, *(self.fields_at if self.measures else [])]
         pressures = {self.pressure_of(frame, ventricular_pressure) for frame in frames}
         return sorted(p for p in pressures if p is not None)
+
+    def needed_frames(self, ventricular_pressure: float) -> list[float]:
+        """Pressures (kPa) that a case going further must have kept to stand for one of the study, in order.
+
+        Nothing is computed from the frames of a study of volumes alone: its ``max`` means the end of whatever case it is.
+        """
+        if self.measures:
+            return self.frames_for(ventricular_pressure)
+        fixed = [f for f in self.frames if not (isinstance(f, str) and FRAME.match(f).group(1) == "max")]
+        return sorted({p for p in (self.pressure_of(f, ventricular_pressure) for f in fixed) if p is not None})
 
     def pressure_of(self, frame: float | str, ventricular_pressure: float) -> float | None:
         """Actuation pressure (kPa) that an entry of ``frames`` or ``fields_at`` means; None beyond the range of the case."""
@@ -572,11 +599,13 @@ class Config(Section):
 class Loaded:
     """A configuration with its devices and studies resolved and checked against each other.
 
-    ``config`` (``Config``), ``devices`` and ``studies`` (by name), ``files`` (path of each study and device).
+    ``config`` (``Config``), ``devices`` and ``studies`` (by name), ``files`` (path of each study and device), ``builds``
+    (which build of each engine would solve; empty until someone looks).
     """
 
     def __init__(self, config: Config, devices: dict[str, Device], studies: dict[str, Study], files: dict[str, Path]):
         self.config, self.devices, self.studies, self.files = config, devices, studies, files
+        self.builds: dict[str, str] = {}
 
     def mesh_of(self, study: Study) -> Mesh:
         """The mesh a study uses."""
@@ -599,11 +628,11 @@ class Loaded:
             "mesh": self.mesh_of(study),
             "mesh_level": self.config.mesh_levels[self.mesh_of(study).level],
             "numerics": self.numerics_of(study),
-            "solver": self.config.solver,
         }
         if "fatigue" in study.measures:
             sections["fatigue"] = self.config.fatigue
-        return {k: v.model_dump(mode="json") for k, v in sections.items()}
+        # what is drawn of a dataset is no part of it
+        return {k: v.model_dump(mode="json", exclude={"figures", "measured"}) for k, v in sections.items()}
 
 
 class _UniqueKeyLoader(yaml.SafeLoader):
@@ -718,8 +747,9 @@ def load_config(path: str | Path = "config/config.yaml") -> Loaded:
             raise ConfigError(path, "studies", name, f"a study in {path.parent}/studies: {names}", "studies: [pressure_volume]")
     _check_names(path, "mesh.level", config.mesh.level, config.mesh_levels)
     _check_names(path, "numerics", config.numerics, config.numerics_presets)
+    cut: set[tuple[str, float, int]] = set()
     for name, study in studies.items():
-        _check_study(loaded, files[f"studies/{name}"], study)
+        _check_study(loaded, files[f"studies/{name}"], study, cut)
     return loaded
 
 
@@ -732,8 +762,11 @@ def _check_names(path: Path, key: str, value: str, known: dict[str, Any], *, lis
         raise ConfigError(path, key, value, f"one of: {names}", f"{section}: {{{example}}}" if section else example)
 
 
-def _check_study(loaded: Loaded, path: Path, study: Study) -> None:
-    """What a study names must exist, and its pressures must fit together."""
+def _check_study(loaded: Loaded, path: Path, study: Study, cut: set[tuple[str, float, int]]) -> None:
+    """What a study names must exist, and its pressures must fit together.
+
+    ``cut``: the (device, width_scale, N_p) whose layout other studies have tried; those of this study are added.
+    """
     from limo.figures import FIGURES, NEEDS
     from limo.geometry import flat_pattern
 
@@ -749,6 +782,12 @@ def _check_study(loaded: Loaded, path: Path, study: Study) -> None:
             study.outputs,
             f"volumes only with element {element}, which keeps no displacements through the thickness",
             "mesh: {level: preview, symmetry: quarter, element: C3D20R}",
+        )
+    shells = loaded.mesh_of(study).element.startswith("S8")
+    if shells and (loaded.engine_of(study) == "newton" or study.cross_check):
+        key = "cross_check" if study.cross_check else "engine"
+        raise ConfigError(
+            path, key, getattr(study, key), "element C3D20R or C3D20 where the engine newton is used", "mesh: {element: C3D20R}"
         )
     for figure in study.figures:
         _check_names(path, "figures", figure, dict.fromkeys(FIGURES), listed=True)
@@ -784,8 +823,10 @@ def _check_study(loaded: Loaded, path: Path, study: Study) -> None:
     device = loaded.devices[study.device]
     for scale in study.axes.width_scale or [device.pattern.width_scale]:
         for n_pouches in study.axes.n_pouches:
-            pattern = device.pattern.model_copy(update={"width_scale": scale})
-            flat_pattern(pattern, n_pouches, loaded.files[f"devices/{study.device}"])
+            if (study.device, scale, n_pouches) not in cut:
+                pattern = device.pattern.model_copy(update={"width_scale": scale})
+                flat_pattern(pattern, n_pouches, loaded.files[f"devices/{study.device}"])
+                cut.add((study.device, scale, n_pouches))
 
 
 def json_schemas() -> dict[str, dict[str, Any]]:

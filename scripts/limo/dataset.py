@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import platform
 import subprocess
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -13,7 +14,7 @@ import numpy as np
 import xarray as xr
 
 from limo import __version__
-from limo.case import Case, study_cases
+from limo.case import Case, cross_checks, study_cases
 from limo.config import Loaded
 from limo.efficiency import efficiency_at_stroke, io_ratio
 from limo.errors import ResultError
@@ -23,7 +24,7 @@ from limo.solution import ramp_of
 
 STROKE_FOR_EFFICIENCY = 90.0  # ml, physiological stroke volume (paper, Afterload sensitivity)
 STATUSES = ("converged", "diverged", "timed_out", "crashed", "missing")
-CASE_DIMS = ("n_pouches", "ventricular_pressure", "aspect_ratio", "stiffness_ratio", "width_scale")
+CASE_DIMS = ("n_pouches", "ventricular_pressure", "aspect_ratio", "stiffness_ratio", "width_scale", "branch")
 CURVE_DIMS = (*CASE_DIMS, "actuation_pressure")
 
 
@@ -52,20 +53,31 @@ VARIABLES = {
     "iterations": Variable(CASE_DIMS, "1", "Newton iterations, rejected attempts included"),
     "solver_memory": Variable(CASE_DIMS, "MiB", "peak resident memory of the solver"),
 }
+CHECKS = {
+    "check_stroke_volume": Variable(CURVE_DIMS, "ml", "stroke volume of the other engine"),
+    "check_stroke_difference": Variable(
+        CASE_DIMS, "1", "relative L2 difference of the stroke to the other engine's over the ramp"
+    ),
+    "check_rest_difference": Variable(CASE_DIMS, "1", "relative difference of V_v at P_a = 0 to the other engine's"),
+}
 COORDINATES = {
     "n_pouches": ("1", "number of pouches, N_p"),
     "ventricular_pressure": ("kPa", "ventricular pressure, P_v"),
     "aspect_ratio": ("1", "aspect ratio of the valve support, AR"),
     "stiffness_ratio": ("1", "endocardial over fabric modulus, E_hat"),
     "width_scale": ("1", "scale of the device's widths"),
+    "branch": ("1", "0 for the flat state as it is, else the seed of a tiny perturbation of it"),
     "actuation_pressure": ("kPa", "actuation pressure, P_a"),
 }
 
 
-def curves(history: xr.Dataset, ventricular_pressure: float, pressures: np.ndarray) -> dict[str, np.ndarray]:
+def curves(
+    history: xr.Dataset, ventricular_pressure: float, pressures: np.ndarray, maximum: float = np.inf
+) -> dict[str, np.ndarray]:
     """A case's curves at ``pressures`` (n,) in kPa, NaN beyond what it reached, and its values at a stroke of 90 ml.
 
-    Raises nothing for a case without a ramp: everything is NaN then.
+    What lies beyond ``maximum`` (kPa) does not count: the case may have gone further for another study. Raises nothing for
+    a case without a ramp: everything is NaN then.
     """
     ramp = ramp_of(history)
     result = {n: np.full(len(pressures), np.nan) for n, v in VARIABLES.items() if v.dims == CURVE_DIMS}
@@ -74,6 +86,10 @@ def curves(history: xr.Dataset, ventricular_pressure: float, pressures: np.ndarr
         return result
     pressure = ramp.actuation_pressure.values
     ventricle, actuation = ramp.ventricle_volume.values, ramp.actuation_volume.values
+    if pressure[-1] > maximum:
+        ends = np.append(pressure[pressure < maximum], maximum)
+        ventricle, actuation = (np.interp(ends, pressure, values) for values in (ventricle, actuation))
+        pressure = ends
     stroke, change = ventricle[0] - ventricle, actuation - actuation[0]
     at = {
         "ventricle_volume": ventricle,
@@ -99,21 +115,25 @@ def efficiency_reason(case_status: str, stroke: np.ndarray) -> str:
     return ""
 
 
-def gather_study(loaded: Loaded, name: str, case_folder: Path) -> xr.Dataset:
+def gather_study(loaded: Loaded, name: str, case_folder: Path, sources: Sequence[str] | None = None) -> xr.Dataset:
     """One dataset of a study from the results of its cases below ``case_folder``.
 
-    A case that failed leaves gaps and its status; one whose files cannot be read counts as ``missing``.
+    ``sources``: ids of the cases that serve the study, in the order of its grid, and of those that it is compared with
+    (default: its own cases). A case that failed leaves gaps and its status; one whose files cannot be read counts as
+    ``missing``.
     """
-    study, cases = loaded.studies[name], study_cases(loaded, name)
+    study, cases, twins = loaded.studies[name], study_cases(loaded, name), cross_checks(loaded, name)
+    sources = sources or [case.case_id for case in (*cases.values(), *twins.values())]
+    source = dict(zip(cases, sources[: len(cases)], strict=True))
+    twin_source = dict(zip(twins, sources[len(cases) :], strict=True))
     highest = max(case.actuation_pressure_max for case in cases.values())
     pressures = np.unique(
         np.append(np.arange(0.0, highest, study.pressure_step), sorted({c.actuation_pressure_max for c in cases.values()}))
     )
     axes = study.axes
     scales = axes.width_scale or [loaded.devices[study.device].pattern.width_scale]
-    coords = dict(
-        zip(CASE_DIMS, (axes.n_pouches, axes.ventricular_pressure, axes.aspect_ratio, axes.stiffness_ratio, scales), strict=True)
-    )
+    grid = (axes.n_pouches, axes.ventricular_pressure, axes.aspect_ratio, axes.stiffness_ratio, scales, [*range(study.branches)])
+    coords = dict(zip(CASE_DIMS, grid, strict=True))
     shape = tuple(len(v) for v in coords.values())
     data = {n: np.full(shape + ((len(pressures),) if v.dims == CURVE_DIMS else ()), np.nan) for n, v in VARIABLES.items()}
     text = {
@@ -122,14 +142,14 @@ def gather_study(loaded: Loaded, name: str, case_folder: Path) -> xr.Dataset:
     }
     for key, case in cases.items():
         index = tuple(coords[d].index(k) for d, k in zip(CASE_DIMS, key, strict=True))
-        status, values = _read_case(case, case_folder / case.case_id, pressures)
+        status, values = _read_case(case, case_folder / source[key], pressures)
         for variable, value in values.items():
             data[variable][index] = value
         beyond = pressures > case.actuation_pressure_max + 1e-9
         for variable, definition in VARIABLES.items():
             if definition.dims == CURVE_DIMS:
                 data[variable][index][beyond] = np.nan
-        text["case_id"][index] = case.case_id
+        text["case_id"][index] = source[key]
         text["case_status"][index] = status["status"]
         text["case_reason"][index] = status["reason"]
         text["efficiency_90ml_reason"][index] = efficiency_reason(status["status"], data["stroke_volume"][index])
@@ -144,31 +164,65 @@ def gather_study(loaded: Loaded, name: str, case_folder: Path) -> xr.Dataset:
         coords=coords | {"actuation_pressure": pressures},
         attrs=_attributes(loaded, name),
     )
+    if twins:
+        dataset = dataset.merge(_gather_checks(dataset, twins, twin_source, case_folder))
     if study.measures:
-        measured = gather_measures(loaded, name, cases, coords, case_folder)
+        measured = gather_measures(loaded, name, cases, coords, case_folder, source)
         dataset = dataset.merge(measured).assign_attrs(measured.attrs)
     for coordinate, (units, long_name) in COORDINATES.items():
         dataset[coordinate].attrs = {"units": units, "long_name": long_name}
     if axes.width_scale is None:
         dataset = dataset.isel(width_scale=0)
+    if study.branches == 1:
+        dataset = dataset.isel(branch=0)
     return dataset
 
 
+def _gather_checks(dataset: xr.Dataset, twins: dict[tuple, Case], source: dict[tuple, str], case_folder: Path) -> xr.Dataset:
+    """The strokes of the other engine at their places in a study, and how far the study's own are from them."""
+    shape = dataset.case_status.shape
+    pressures = dataset.actuation_pressure.values
+    data = {n: np.full(shape + ((len(pressures),) if v.dims == CURVE_DIMS else ()), np.nan) for n, v in CHECKS.items()}
+    status = np.full(shape, "", object)
+    for key, twin in twins.items():
+        index = tuple(list(dataset[d].values).index(k) for d, k in zip(CASE_DIMS, key, strict=True))
+        state, values = _read_case(twin, case_folder / source[key], pressures)
+        status[index] = f"{twin.engine} {state['status']}"
+        if not values:
+            continue
+        own, other = dataset.stroke_volume.values[index], values["stroke_volume"]
+        both = np.isfinite(own) & np.isfinite(other)
+        data["check_stroke_volume"][index] = other
+        if both.any() and np.linalg.norm(other[both]) > 0:
+            data["check_stroke_difference"][index] = np.linalg.norm((own - other)[both]) / np.linalg.norm(other[both])
+            data["check_rest_difference"][index] = dataset.ventricle_volume.values[index][0] / values["ventricle_volume"][0] - 1.0
+    variables = {n: (v.dims, data[n], {"units": v.units, "long_name": v.long_name}) for n, v in CHECKS.items()}
+    variables["check_status"] = (CASE_DIMS, status.astype(str), {"long_name": "the other engine and how it ended"})
+    return xr.Dataset(variables, coords=dataset.coords)
+
+
 def _read_case(case: Case, folder: Path, pressures: np.ndarray) -> tuple[dict, dict]:
-    """Status and values of one case; an unreadable result is a status, not an error."""
+    """Status and values of one case as far as its own P_a,max; an unreadable result is a status, not an error.
+
+    A case that went further and failed there has converged as far as this study is concerned.
+    """
     if not (folder / "status.json").exists():
         return {"status": "missing", "reason": "not solved"}, {}
     try:
         status = read_json(folder / "status.json")
         with xr.open_dataset(folder / "volumes.nc") as history:
-            values = curves(history.load(), case.ventricular_pressure, pressures)
+            values = curves(history.load(), case.ventricular_pressure, pressures, case.actuation_pressure_max)
     except (ResultError, OSError, ValueError, KeyError) as error:
         return {"status": "missing", "reason": str(error)}, {}
-    missing = float("nan")
+    missing, reached = float("nan"), status.get("actuation_pressure_reached")
+    if reached is not None and reached > case.actuation_pressure_max:
+        reached = case.actuation_pressure_max
+        if status["status"] != "converged":
+            status = status | {"status": "converged", "reason": ""}
     values |= {
         "dissipated_fraction": status.get("dissipated_fraction"),
         "rest_change": status.get("rest_change"),
-        "actuation_pressure_reached": status.get("actuation_pressure_reached"),
+        "actuation_pressure_reached": reached,
         "solver_time": status.get("solver_cpu_seconds"),
         "python_time": status.get("python_cpu_seconds"),
         "iterations": status.get("iterations"),
@@ -182,7 +236,7 @@ def _attributes(loaded: Loaded, name: str) -> dict[str, str]:
     return {
         "title": f"{name}: {study.description}" if study.description else name,
         "Conventions": "CF-1.11",
-        "source": "CalculiX displacements of a Less In More Out device",
+        "source": f"displacements of a Less In More Out device by the engine {loaded.engine_of(study)}",
         "study": name,
         "config": json.dumps(loaded.content(name), sort_keys=True),
         "versions": json.dumps(_versions(), sort_keys=True),

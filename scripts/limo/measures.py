@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import logging
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -352,10 +353,16 @@ def _as_maps(maps: dict, away: dict, zone: np.ndarray, areas: np.ndarray, points
 
 
 def gather_measures(
-    loaded: Loaded, name: str, cases: dict[tuple, Case], coords: dict[str, list], case_folder: Path
+    loaded: Loaded,
+    name: str,
+    cases: dict[tuple, Case],
+    coords: dict[str, list],
+    case_folder: Path,
+    sources: Mapping[tuple, str] | None = None,
 ) -> xr.Dataset:
     """The measures of a study's cases: ``coords`` are the dimensions of a case and their values.
 
+    ``sources``: by grid point the id of the case that serves it (default: the study's own).
     ``frame`` counts the pressures of the study as it writes them (``P_v + 10``); ``frame_pressure`` is what they came to.
     """
     study = loaded.studies[name]
@@ -371,14 +378,17 @@ def gather_measures(
     status, reason = np.full(shape, "missing", object), np.full(shape, "", object)
     for key, case in cases.items():
         index = tuple(coords[d].index(k) for d, k in zip(dims, key, strict=True))
+        source = sources[key] if sources else case.case_id
         try:
-            with xr.open_dataset(case_folder / case.case_id / "measures.nc") as measured:
+            with xr.open_dataset(case_folder / source / "measures.nc") as measured:
                 measured = measured.load()
             status[index], reason[index] = measured.attrs["status"], measured.attrs["reason"]
         except (OSError, ValueError, KeyError) as error:
             reason[index] = str(error)
             continue
         if status[index] == "measured":
+            if source != case.case_id:
+                measured = _up_to(measured, case.actuation_pressure_max)
             pressures = [study.pressure_of(entry, case.ventricular_pressure) for entry in entries.values()]
             _take(data, index, measured, chosen, pressures)
     described = {}
@@ -393,6 +403,24 @@ def gather_measures(
     if "fatigue" in study.measures:
         dataset.attrs["fatigue"] = loaded.config.fatigue.model_dump_json()
     return dataset
+
+
+def _up_to(measured: xr.Dataset, maximum: float) -> xr.Dataset:
+    """The measures of a case without what lies beyond ``maximum`` (kPa): events of buckling, and contact.
+
+    Contact is as fine as the frames, so the last clear one is the last frame at all where contact comes later.
+    """
+    measured = measured.copy()
+    beyond = measured.buckling_after > maximum + 1e-6
+    for name in ("buckling_before", "buckling_after", "buckling_jump", "buckling_displacement"):
+        measured[name] = measured[name].where(~beyond)
+    pressures = measured.frame_pressure.values
+    last = max(pressures[pressures <= maximum + 1e-6], default=np.nan)
+    for name in ("contact_front_back", "contact_endo_epi"):
+        if not measured[name] <= maximum + 1e-6:
+            measured[f"{name}_clear"] = np.fmin(measured[f"{name}_clear"], last).assign_attrs(measured[f"{name}_clear"].attrs)
+            measured[name] = measured[name].where(False)
+    return measured
 
 
 def _take(data: dict, index: tuple, measured: xr.Dataset, chosen: dict[str, Measure], pressures: list[float | None]) -> None:

@@ -5,7 +5,7 @@ Units: mm, N, MPa, tonne, s.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.sparse import csr_array, identity
@@ -16,6 +16,8 @@ from limo.geometry import ValveEllipse
 from limo.mesh import FACES, LAYERS, DeviceMesh
 
 KPA = 1.0e-3  # MPa
+#: heights of the perturbed flat states of branches, over the thickness of the fabric
+PERTURBATION = 0.05
 
 
 @dataclass(frozen=True)
@@ -152,6 +154,14 @@ def valve_displacements(case: Case, mesh: DeviceMesh) -> dict[int, np.ndarray]:
     return {int(n): np.array([np.sign(xi) * p[0] - xi, 0.0, zi]) for n, xi, p, zi in zip(nodes, x, placed, z, strict=True)}
 
 
+def perturbed(mesh: DeviceMesh, seed: int, amplitude: float) -> DeviceMesh:
+    """The mesh with random heights (standard deviation ``amplitude`` in mm), but on the outer and the valve edge."""
+    heights = np.random.default_rng(seed).normal(0.0, amplitude, len(mesh.nodes))
+    nodes = mesh.nodes.copy()
+    nodes[:, 2] += np.where(mesh.on_outer | mesh.on_valve, 0.0, heights)
+    return replace(mesh, nodes=nodes)
+
+
 def build_model(case: Case, mesh: DeviceMesh, *, like_shells: bool | None = None) -> Model:
     """Constraints and loads of a case on a mesh.
 
@@ -162,6 +172,8 @@ def build_model(case: Case, mesh: DeviceMesh, *, like_shells: bool | None = None
     so that the edge may rotate. Shells: the nodes of the mesh are prescribed.
     """
     shell = case.mesh.element.startswith("S8")
+    if case.branch:
+        mesh = perturbed(mesh, case.branch, PERTURBATION * case.device.material.thickness)
     expansion = expand(mesh, case.device.material.thickness)
     displacements = valve_displacements(case, mesh)
     loads = pressures(mesh, like_shells=shell if like_shells is None else like_shells)

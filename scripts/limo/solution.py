@@ -16,7 +16,7 @@ import numpy as np
 import xarray as xr
 
 from limo.buckling import Event, events, largest_events
-from limo.case import Case
+from limo.case import Case, describe
 from limo.config import STAGES, Solver
 from limo.energy import EnergyBalance, conjugate_volumes, ramp_balance, stored_energy
 from limo.engines import Path as EnginePath
@@ -34,7 +34,7 @@ LARGEST_DISPLACEMENT = 3.0
 
 
 def solve_case(case: Case, mesh_file: Path, folder: Path, solver: Solver, command: Path | None = None) -> dict:
-    """Solve ``case`` and write ``status.json``, ``volumes.nc`` and ``frames.nc`` into ``folder``; returns the status.
+    """Solve ``case`` and write ``case.json``, ``status.json``, ``volumes.nc``, ``frames.nc`` into ``folder``; returns the status.
 
     ``command`` is CalculiX's executable. It runs in ``folder/run``: its own large files are removed, deck, log and .sta stay.
     """
@@ -74,6 +74,7 @@ def solve_case(case: Case, mesh_file: Path, folder: Path, solver: Solver, comman
     }
     summary |= rest | _energy(model, history, frames)
     history.attrs |= {"case": case.case_id, "status": status, "reason": reason}
+    write_json(folder / "case.json", describe(case))
     write_whole(folder / "frames.nc", frames.to_netcdf)
     write_whole(folder / "volumes.nc", history.to_netcdf)
     # of this process, start and imports included

@@ -5,14 +5,20 @@ from __future__ import annotations
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import xarray as xr
 
-from limo.errors import LimoError, ResultError
+from limo.case import study_cases
+from limo.config import load_config
+from limo.cost import duration, plan_costs, schedule
+from limo.engines.find import find_engines
+from limo.errors import ConfigError, LimoError, ResultError
 from limo.files import read_json
+from limo.plan import make_plan
 
 _AXES = {
     "n_pouches": "N_p",
@@ -21,6 +27,43 @@ _AXES = {
     "stiffness_ratio": "E_hat",
     "width_scale": "width",
 }
+
+
+def plan_table(config_file: str, names: Sequence[str], results: Path, cores: int) -> str:
+    """One line a study (none named: all): its cases, those solved or served by others, and the CPU time of the rest.
+
+    The last line is about all of them together: cases that they share are solved once, the longest first on ``cores``.
+    Raises ``ConfigError`` for a mistake in the configuration or a study that it does not have.
+    """
+    loaded = load_config(config_file)
+    find_engines(loaded, config_file)
+    for name in names:
+        if name not in loaded.studies:
+            raise ConfigError(config_file, "STUDY", name, f"one of: {', '.join(loaded.studies)}", "limo check pressure_volume")
+    plan = make_plan(loaded, results)
+    costs = plan_costs(plan)
+    lines = [f"{config_file}: valid; {', '.join(f'{engine} {build}' for engine, build in sorted(loaded.builds.items()))}"]
+    together: set[str] = set()
+    for name in names or loaded.studies:
+        own, serving = study_cases(loaded, name), plan.served[name]
+        cases = set(serving.values())
+        left = cases & plan.to_solve
+        together |= cases
+        others = sum(serving[key] != case.case_id for key, case in own.items())
+        parts = [
+            f"{len(cases)} cases on {len({plan.cases[c].mesh_id for c in cases})} meshes",
+            f"{len(cases - left)} solved",
+            *([f"{others} of {len(own)} served by a case beyond them"] if others else []),
+            *([f"{len(left)} to solve in {duration(sum(costs[c] for c in left))} of CPU time"] if left else []),
+        ]
+        lines.append(f"  {name}: {', '.join(parts)}" + ("  (default)" if name in loaded.config.studies else ""))
+    left = together & plan.to_solve
+    wall = duration(schedule((costs[c] for c in left), max(cores // loaded.config.solver.threads, 1)))
+    lines.append(
+        f"  together {len(together)} distinct cases, {len(left)} to solve"
+        + (f" in {duration(sum(costs[c] for c in left))} of CPU time, about {wall} on {cores} cores" if left else "")
+    )
+    return "\n".join(lines)
 
 
 def study_table(path: Path) -> str:

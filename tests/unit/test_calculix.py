@@ -12,7 +12,7 @@ import pytest
 
 from limo.config import Solver
 from limo.engines import calculix
-from limo.engines.calculix import Increment, find_ccx, judge, read_sta, run, solver_build
+from limo.engines.calculix import Increment, build_id, find_ccx, judge, read_sta, run, solver_build
 from limo.errors import ConfigError, SolverNotFoundError
 
 STA = """SUMMARY OF JOB INFORMATION
@@ -247,3 +247,10 @@ def test_build_names_version_and_hash(solver_script):
     assert len(build["sha256"]) == 16
     other = solver_build(solver_script("echo This is Version 2.99p1", "other"))
     assert other["sha256"] != build["sha256"]
+
+
+def test_build_is_the_same_wherever_the_executable_lies(solver_script):
+    builds = [build_id(solver_script("echo This is Version 2.99p1", name)) for name in ("here", "there")]
+    assert builds[0] == builds[1]
+    assert builds[0].startswith("2.99p1-")
+    assert build_id(solver_script("echo This is Version 2.99p1; true", "other")) != builds[0]

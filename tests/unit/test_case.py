@@ -28,6 +28,7 @@ def numerics_with(case, **changes):
 # what each change is made of, and whether it asks for another mesh
 PHYSICAL_CHANGES = {
     "P_v": (lambda c: {"ventricular_pressure": 13.8}, False),
+    "build": (lambda c: {"build": "2.22-01234567"}, False),
     "P_a,max": (lambda c: {"actuation_pressure_max": 61.0}, False),
     "AR": (lambda c: {"aspect_ratio": 2.5}, False),
     "E_hat": (lambda c: {"stiffness_ratio": 0.5}, False),
@@ -69,6 +70,15 @@ def test_frames_and_descriptions_do_not_rename_a_case(make_case):
     case = make_case()
     same = make_case(frames=(1.0, 2.0), **numerics_with(case, description="other words"))
     assert (same.case_id, same.mesh_id) == (case.case_id, case.mesh_id)
+
+
+@pytest.mark.parametrize("name", PHYSICAL_CHANGES)
+def test_only_the_last_pressure_leaves_the_path_as_it_is(make_case, name):
+    change, _ = PHYSICAL_CHANGES[name]
+    case = make_case()
+    changed = make_case(**change(case))
+    assert (changed.path() == case.path()) == (name == "P_a,max")
+    assert (changed.path(any_level=True) == case.path(any_level=True)) == (name in ("P_a,max", "level", "grading"))
 
 
 def test_names_are_fit_for_a_path_and_show_the_four_numbers(make_case):
@@ -118,7 +128,7 @@ def test_cases_of_a_study_are_its_grid(loaded):
     wider = type(loaded)(loaded.config, loaded.devices, {"wider": study.model_copy(update={"axes": axes})}, loaded.files)
     cases = study_cases(wider, "wider")
     assert len(cases) == len(axes.n_pouches) * len(axes.ventricular_pressure) * 2 * 2
-    for (n_pouches, pressure, aspect, stiffness, scale), case in cases.items():
+    for (n_pouches, pressure, aspect, stiffness, scale, _), case in cases.items():
         assert (case.n_pouches, case.ventricular_pressure, case.aspect_ratio) == (n_pouches, pressure, aspect)
         assert (case.stiffness_ratio, case.device.pattern.width_scale) == (stiffness, scale)
         assert case.actuation_pressure_max == study.maximum_for(pressure)

@@ -302,6 +302,17 @@ def test_frames_become_pressures_in_order(frames, pressures):
     assert study.frames_for(3.8) == pytest.approx(pressures)
 
 
+@pytest.mark.parametrize(
+    ("outputs", "needed"),
+    [(["volumes"], [0, 3.8, 13.8]), (["volumes", "stress"], [0, 3.8, 13.8, 55, 60])],
+)
+def test_a_study_of_volumes_alone_needs_no_frame_at_its_end(outputs, needed):
+    frames = [0, "P_v", "P_v + 10", "max - 5", "max", "P_v + 60"]
+    axes = {"n_pouches": [8], "ventricular_pressure": [3.8]}
+    study = Study(axes=axes, actuation_pressure_max=60, frames=frames, outputs=outputs)
+    assert study.needed_frames(3.8) == pytest.approx(needed)
+
+
 def test_maximum_pressure_is_one_number_or_one_a_ventricular_pressure():
     axes = {"n_pouches": [8], "ventricular_pressure": [3.8, 13]}
     each = Study(axes=axes, actuation_pressure_max={3.8: 60, 13: 100})

@@ -90,7 +90,7 @@ def pick(dataset, n_pouches, pressure=3.8):
 def test_every_variable_has_its_dimensions_units_and_long_name(gathered):
     for name, variable in VARIABLES.items():
         stored = gathered[name]
-        assert stored.dims == tuple(d for d in variable.dims if d != "width_scale"), "one width_scale is no dimension"
+        assert stored.dims == tuple(d for d in variable.dims if d not in ("width_scale", "branch")), "one is no dimension"
         assert (stored.attrs["units"], stored.attrs["long_name"]) == (variable.units, variable.long_name)
         assert stored.dtype == float
     for name, (units, long_name) in COORDINATES.items():
@@ -196,6 +196,59 @@ def test_case_without_a_ramp_has_no_curve(make_case, stages):
     values = curves(history_of(case).isel(increment=slice(0, stages)), case.ventricular_pressure, np.array([0.0, 10.0]))
     assert np.isnan(values["stroke_volume"][1])
     assert np.isnan(values["efficiency_90ml"])
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# cases that went further for another study
+
+
+@pytest.fixture
+def further(loaded, tmp_path):
+    """``further(maximum, status, reached)``: the dataset of a study up to ``maximum`` from one case up to 60 kPa."""
+
+    def gather(maximum, status="converged", reached=60.0):
+        def up_to(pressure):
+            axes = {"n_pouches": [8], "ventricular_pressure": [3.8]}
+            study = Study(axes=axes, actuation_pressure_max=pressure, pressure_step=2.5)
+            return Loaded(loaded.config, loaded.devices, {"s": study}, loaded.files)
+
+        (case,) = study_cases(up_to(60.0), "s").values()
+        folder = tmp_path / case.case_id
+        folder.mkdir()
+        history_of(case, reached).to_netcdf(folder / "volumes.nc")
+        why = "" if status == "converged" else "too many cutbacks"
+        write_json(folder / "status.json", {"status": status, "reason": why, "actuation_pressure_reached": reached})
+        return gather_study(up_to(maximum), "s", tmp_path, [case.case_id]).squeeze(drop=True), case
+
+    return gather
+
+
+def test_a_study_sees_nothing_beyond_its_own_maximum(further):
+    """40.1 kPa lies between two increments of the case that went to 60: a stroke of 80.2 ml, so none of 90."""
+    found, case = further(40.1)
+    assert float(found.actuation_pressure[-1]) == 40.1
+    np.testing.assert_allclose(found.stroke_volume, STROKE * found.actuation_pressure, atol=1e-9)
+    assert float(found.actuation_pressure_reached) == 40.1
+    assert np.isnan(found.efficiency_90ml)
+    assert np.isnan(found.pressure_90ml)
+    assert str(found.efficiency_90ml_reason.values) == "largest stroke 80.2 ml"
+    assert str(found.case_id.values) == case.case_id
+
+
+def test_efficiency_does_not_depend_on_how_far_a_case_went(further):
+    found, _ = further(46.0)
+    assert float(found.pressure_90ml) == pytest.approx(45.0)
+    assert float(found.efficiency_90ml) == pytest.approx(3.8 * 90 / (FILLING * 45**2 / 2), rel=1e-3)
+
+
+@pytest.mark.parametrize(("maximum", "status", "reason"), [(50.0, "converged", ""), (58.0, "diverged", "too many cutbacks")])
+def test_a_failure_counts_only_where_a_study_gets_that_far(further, maximum, status, reason):
+    found, _ = further(maximum, "diverged", 55.0)
+    assert (str(found.case_status.values), str(found.case_reason.values)) == (status, reason)
+    assert float(found.actuation_pressure_reached) == min(maximum, 55.0)
+    reached = found.actuation_pressure <= min(maximum, 55.0)
+    assert np.isfinite(found.stroke_volume[reached]).all()
+    assert np.isnan(found.stroke_volume[~reached]).all()
 
 
 # --------------------------------------------------------------------------------------------------------------------

@@ -17,6 +17,7 @@ from limo.files import write_json
 from limo.measures import MEASURES, gather_measures, measure_case
 from limo.mesh import write_mesh
 from limo.model import build_model
+from limo.plan import make_plan
 from limo.vtu import frame_fields, mirrored, write_fields
 
 PRESSURES = [0.0, 13.8, 60.0]
@@ -246,6 +247,33 @@ def edit(file, change):
         change(data.displacement.values)
     data = data.drop_encoding()
     data.to_netcdf(file)
+
+
+@pytest.mark.parametrize(("maximum", "events"), [(13.8, 0), (20.1, 0), (30.0, 1)])
+def test_a_short_study_takes_its_measures_from_a_case_that_went_further(tmp_path, loaded, device_mesh, maximum, events):
+    """Frames by their pressure; no event of buckling and no contact beyond the study's own maximum."""
+    short = study(actuation_pressure_max=maximum, frames=[0, 13.8], outputs=["stress"])
+    configuration = configured(loaded, long=study(frames=[0, 13.8, "max"], outputs=["stress"]), short=short)
+    plan = make_plan(configuration, tmp_path)
+    (case_id,) = plan.to_solve
+    case, mesh_file, mesh = plan.cases[case_id], tmp_path / "mesh.vtu", device_mesh()
+    write_mesh(mesh, mesh_file)
+    model = build_model(case, mesh)
+    write_case(tmp_path / case_id, model, {p: moved(model, p) for p in PRESSURES})
+    measure_case(case, plan.wanted[case_id], Fatigue(), mesh_file, tmp_path / case_id)
+    found = {
+        n: gather_study(configuration, n, tmp_path, list(plan.served[n].values())).squeeze(drop=True) for n in ("long", "short")
+    }
+    assert (found["short"].measure_status == "measured").all()
+    for frame in ("0", "13.8"):
+        for name in ("von_mises_peak", "frame_pressure"):
+            assert float(found["short"][name].sel(frame=frame)) == float(found["long"][name].sel(frame=frame))
+    assert int(found["long"].buckling_jump.notnull().sum()) == 1
+    for name in ("buckling_before", "buckling_jump", "buckling_displacement"):
+        assert int(found["short"][name].notnull().sum()) == events
+    for name in ("contact_front_back", "contact_endo_epi"):
+        assert float(found["short"][f"{name}_clear"].fillna(0)) <= maximum
+        assert float(found["short"][name].fillna(0)) <= maximum
 
 
 def test_a_case_that_was_not_measured_is_missing(tmp_path, loaded):

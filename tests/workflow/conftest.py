@@ -11,6 +11,12 @@ from pathlib import Path
 import pytest
 import yaml
 
+from limo.case import describe
+from limo.config import load_config
+from limo.engines.find import find_engines
+from limo.files import write_json
+from limo.plan import Plan, make_plan
+
 ROOT = Path(__file__).parents[2]
 STUDY = {
     "description": "two coarse devices up to a low pressure",
@@ -65,9 +71,40 @@ class Project:
             if words[:2] == ["job", "count"]:
                 jobs, inside = {}, True  # the table is printed at the start and at the end
             elif inside and len(words) == 2 and words[1].isdigit():
-                rule = words[0].replace("solve_long_case", "solve_case")  # the same rule at another priority
-                jobs[rule] = jobs.get(rule, 0) + int(words[1])
+                jobs[words[0]] = int(words[1])
         return jobs
+
+    def study(self, name: str, like: str = "tiny", **changes) -> None:
+        """Write a study like another one with some keys changed."""
+        path = self.folder / "config" / "studies"
+        path.joinpath(f"{name}.yaml").write_text(yaml.safe_dump(yaml.safe_load((path / f"{like}.yaml").read_text()) | changes))
+
+    def plan(self) -> Plan:
+        """What the workflow decides about its cases."""
+        loaded = load_config(self.config_file)
+        find_engines(loaded, "config/config.yaml")
+        return make_plan(loaded, self.folder / "results")
+
+    def pretend(self, *studies: str) -> None:
+        """Results of studies without solving: files that say what they are, and Snakemake's record that it made them."""
+        plan, results = self.plan(), self.folder / "results"
+        empty = []
+        for name in studies:
+            for case_id in plan.of_study(name):
+                folder = results / "cases" / case_id
+                case = plan.cases[case_id]
+                write_json(folder / "case.json", describe(case))
+                write_json(folder / "status.json", {"status": "converged", "solver_cpu_seconds": 100.0})
+                empty += [results / f"meshes/{case.mesh_id}.vtu", folder / "volumes.nc", folder / "frames.nc"]
+                empty += [folder / "measures.nc"] * (case_id in plan.wanted)
+            empty.append(results / f"studies/{name}/study.nc")
+            figures = yaml.safe_load((self.folder / f"config/studies/{name}.yaml").read_text()).get("figures", [])
+            empty += [results / f"studies/{name}/figures/{f}.{kind}" for f in figures for kind in ("png", "pdf")]
+        for file in empty:
+            file.parent.mkdir(parents=True, exist_ok=True)
+            file.touch()
+        done = self.snakemake(*studies, "--touch", "--forceall")
+        assert done.returncode == 0, done.stdout + done.stderr
 
 
 def make_project(folder: Path) -> Project:
@@ -91,6 +128,26 @@ def make_project(folder: Path) -> Project:
 def project(tmp_path: Path) -> Project:
     """An unsolved project."""
     return make_project(tmp_path)
+
+
+@pytest.fixture
+def pretended(pretended_once: Project, tmp_path: Path) -> Project:
+    """A copy of a project with all results of three studies: fast and paper numerics up to 10 kPa, and stress up to 12."""
+    project = Project(tmp_path / "copy")
+    shutil.copytree(pretended_once.folder, project.folder)
+    return project
+
+
+@pytest.fixture(scope="session")
+def pretended_once(tmp_path_factory: pytest.TempPathFactory) -> Project:
+    project = make_project(tmp_path_factory.mktemp("pretended"))
+    project.study("literal", numerics="paper")
+    axes = {"n_pouches": [6], "ventricular_pressure": [3.8]}
+    project.study("stress", axes=axes, actuation_pressure_max=12.0, outputs=["volumes", "stress"])
+    project.edit("config.yaml", lambda d: d.update(studies=["tiny", "literal", "stress"]))
+    project.pretend("tiny", "literal", "stress")
+    assert project.planned() == {}
+    return project
 
 
 @pytest.fixture(scope="session")

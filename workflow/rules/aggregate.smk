@@ -1,6 +1,6 @@
 rule gather_study:
     input:
-        lambda wildcards: study_results(wildcards.study),
+        study_results,
     output:
         "results/studies/{study}/study.nc",
     log:
@@ -8,8 +8,8 @@ rule gather_study:
     conda:
         "../envs/limo.yaml"
     params:
-        config_file=CONFIG_FILE,
-        content=lambda wildcards: LOADED.content(wildcards.study),
+        content=study_content,
+        sources=study_sources,
         code=code_digest(GATHER_CODE),
     message:
         "Gather {wildcards.study}"

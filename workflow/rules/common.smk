@@ -1,7 +1,45 @@
-def study_results(name):
-    """Results of the cases of a study."""
+# Longest first, so that the cores finish together; meshes before all, or the longest case would wait for its own.
+PRIORITIES = ranks(COSTS)
+MESH_PRIORITIES = {MESH_IDS[name]: len(COSTS) + rank for name, rank in PRIORITIES.items()}
+
+
+def mesh_of_case(wildcards):
+    """The mesh of the case that a path names."""
+    try:
+        return f"results/meshes/{MESH_IDS[wildcards.case]}.vtu"
+    except KeyError:
+        raise WorkflowError(f"{wildcards.case}: no study of {CONFIG_FILE} uses this case") from None
+
+
+def mesh_content(wildcards):
+    """What the mesh that a path names is made of."""
+    try:
+        return MESHES[wildcards.mesh].mesh_content()
+    except KeyError:
+        raise WorkflowError(f"{wildcards.mesh}: no study of {CONFIG_FILE} uses this mesh") from None
+
+
+def study_results(wildcards):
+    """Results of the cases that serve a study, and of those it is compared with."""
+    name = wildcards.study
+    checks = [
+        f"results/cases/{case_id}/{file}" for case_id in PLAN.checks_of_study(name) for file in ("status.json", "volumes.nc")
+    ]
     files = ("status.json", "volumes.nc", *(["measures.nc"] if LOADED.studies[name].measures else []))
-    return [f"results/cases/{case.case_id}/{file}" for case in STUDIES[name].values() for file in files]
+    return checks + [f"results/cases/{case_id}/{file}" for case_id in PLAN.of_study(name) for file in files]
+
+
+def study_content(wildcards):
+    """Digest of what a study's dataset depends on besides results: all its keys but words and figures."""
+    content = LOADED.content(wildcards.study)
+    for section in ("study", "numerics"):
+        del content[section]["description"]
+    return digest(content)
+
+
+def study_sources(wildcards):
+    """Ids of the cases that serve a study, in the order of its grid, and of those it is compared with."""
+    return list(PLAN.served[wildcards.study].values())
 
 
 def study_targets(name):
@@ -9,7 +47,11 @@ def study_targets(name):
     figures = expand(
         "results/studies/{study}/figures/{figure}.{kind}", study=name, figure=LOADED.studies[name].figures, kind=["png", "pdf"]
     )
-    fields = [
-        f"results/cases/{case.case_id}/fields" for case in STUDIES[name].values() if "fields" in LOADED.studies[name].outputs
-    ]
-    return [f"results/studies/{name}/study.nc", *figures, *fields]
+    drawn = PLAN.of_study(name) if "fields" in LOADED.studies[name].outputs else []
+    return [f"results/studies/{name}/study.nc", *figures, *(f"results/cases/{case_id}/fields" for case_id in drawn)]
+
+
+def fatigue_of(wildcards):
+    """The strain-life curve where it is asked for; elsewhere only what tells seams from the rest."""
+    asked = "fatigue" in PLAN.wanted[wildcards.case].pressures
+    return LOADED.config.fatigue.model_dump(mode="json", include=None if asked else {"seam_distance"})

@@ -1,6 +1,7 @@
 rule measure_case:
     input:
-        mesh=lambda wildcards: f"results/meshes/{CASES[wildcards.case].mesh_id}.vtu",
+        mesh=mesh_of_case,
+        case="results/cases/{case}/case.json",
         frames="results/cases/{case}/frames.nc",
         volumes="results/cases/{case}/volumes.nc",
     output:
@@ -12,9 +13,8 @@ rule measure_case:
     conda:
         "../envs/limo.yaml"
     params:
-        case=lambda wildcards: CASES[wildcards.case].to_dict(),
-        wanted=lambda wildcards: WANTED[wildcards.case].to_dict(),
-        fatigue=LOADED.config.fatigue.model_dump(mode="json"),
+        wanted=lambda wildcards: PLAN.wanted[wildcards.case].to_dict(),
+        fatigue=fatigue_of,
         code=code_digest(MEASURE_CODE),
     message:
         "Measure {wildcards.case}"
@@ -24,7 +24,8 @@ rule measure_case:
 
 rule write_fields:
     input:
-        mesh=lambda wildcards: f"results/meshes/{CASES[wildcards.case].mesh_id}.vtu",
+        mesh=mesh_of_case,
+        case="results/cases/{case}/case.json",
         frames="results/cases/{case}/frames.nc",
         measures="results/cases/{case}/measures.nc",
     output:
@@ -34,9 +35,8 @@ rule write_fields:
     conda:
         "../envs/limo.yaml"
     params:
-        case=lambda wildcards: CASES[wildcards.case].to_dict(),
-        wanted=lambda wildcards: WANTED[wildcards.case].to_dict(),
-        fatigue=LOADED.config.fatigue.model_dump(mode="json"),
+        wanted=lambda wildcards: PLAN.wanted[wildcards.case].to_dict(),
+        fatigue=fatigue_of,
         code=code_digest((*FIELD_CODE, "vtu")),
     message:
         "Write the fields of {wildcards.case} for ParaView"

@@ -5,10 +5,11 @@ rule mesh_device:
         "results/logs/mesh_device/{mesh}.log",
     benchmark:
         "results/benchmarks/mesh_device/{mesh}.tsv"
+    priority: lambda wildcards: MESH_PRIORITIES.get(wildcards.mesh, 0)
     conda:
         "../envs/limo.yaml"
     params:
-        content=lambda wildcards: MESHES[wildcards.mesh].mesh_content(),
+        content=mesh_content,
         code=code_digest(MESH_CODE),
     message:
         "Mesh {wildcards.mesh}"

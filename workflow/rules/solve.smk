@@ -1,7 +1,8 @@
 rule solve_case:
     input:
-        mesh=lambda wildcards: f"results/meshes/{CASES[wildcards.case].mesh_id}.vtu",
+        mesh=mesh_of_case,
     output:
+        case="results/cases/{case}/case.json",
         status="results/cases/{case}/status.json",
         volumes="results/cases/{case}/volumes.nc",
         frames="results/cases/{case}/frames.nc",
@@ -9,27 +10,16 @@ rule solve_case:
         "results/logs/solve_case/{case}.log",
     benchmark:
         "results/benchmarks/solve_case/{case}.tsv"
+    priority: lambda wildcards: PRIORITIES.get(wildcards.case, 0)
     conda:
         "../envs/limo.yaml"
     threads: LOADED.config.solver.threads
+    resources:
+        predicted_seconds=lambda wildcards: round(COSTS.get(wildcards.case, 0)),
     params:
-        case=lambda wildcards: CASES[wildcards.case].to_dict(),
-        solver=LOADED.config.solver.model_dump(mode="json"),
-        command=str(CCX),
-        code=lambda wildcards: code_digest(SOLVE_CODE[CASES[wildcards.case].engine]),
+        case=lambda wildcards: PLAN.cases[wildcards.case].to_dict(),
+        code=lambda wildcards: solve_code(PLAN.cases[wildcards.case].engine),
     message:
-        "Solve {wildcards.case}"
+        "Solve {wildcards.case}, predicted {resources.predicted_seconds} s of CPU time"
     script:
         "../../scripts/solve_case.py"
-
-
-# The longest first, so that the cores finish together: fewer pouches move further and snap more often.
-use rule solve_case as solve_long_case with:
-    output:
-        status=f"results/cases/{{case,{LONG_CASES}}}/status.json",
-        volumes=f"results/cases/{{case,{LONG_CASES}}}/volumes.nc",
-        frames=f"results/cases/{{case,{LONG_CASES}}}/frames.nc",
-    priority: 1
-
-
-ruleorder: solve_long_case > solve_case

@@ -70,6 +70,12 @@ def solver_build(command: Path) -> dict[str, str]:
     }
 
 
+def build_id(command: Path) -> str:
+    """The build in short, as part of what determines a result: version and hash, wherever the executable lies."""
+    build = solver_build(command)
+    return f"{build['version']}-{build['sha256'][:8]}"
+
+
 @dataclass(frozen=True)
 class Increment:
     """A line of the .sta file: an accepted increment, or an attempt that was cut back."""

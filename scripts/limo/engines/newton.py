@@ -39,6 +39,7 @@ REUSED_WHILE = 0.1
 #: forces count as load from this share of the internal ones and this value (N) on, for devices without pressure
 HELD_SHARE, SMALLEST_FORCE = 1e-3, 1e-9
 FIT, HOLD, RAMP = range(3)
+_CLOSE = 1e-6  # kPa, pressures closer than this are the same
 
 
 class _StopError(Exception):
@@ -80,8 +81,12 @@ def solve(model: Model, solver: Solver, start: np.ndarray | None = None) -> Path
         else:
             run.start_from(start)
         run.advance(HOLD, 1.0, case.ventricular_pressure, 0.0)
-        for pressure in load_steps(settings.load_step, case.actuation_pressure_max, case.frames):
+        before = 0.0
+        for pressure in load_steps(settings.load_step, case.actuation_pressure_max):
+            for frame in (f for f in case.frames if before + _CLOSE < f < pressure - _CLOSE):
+                run.visit(RAMP, 1.0, case.ventricular_pressure, frame)
             run.advance(RAMP, 1.0, case.ventricular_pressure, pressure)
+            before = pressure
     except _StopError as stop:
         status, reason = stop.status, stop.reason
     except FactorisationError as error:
@@ -114,11 +119,13 @@ def solve(model: Model, solver: Solver, start: np.ndarray | None = None) -> Path
     )
 
 
-def load_steps(step: float, maximum: float, frames: tuple[float, ...]) -> np.ndarray:
-    """Actuation pressures (kPa) of the ramp: multiples of ``step``, the maximum, and the pressures whose frames are kept."""
-    pressures = np.append(np.arange(step, maximum, step), [maximum, *(f for f in frames if 0 < f <= maximum)])
-    pressures = np.unique(pressures)
-    return pressures[np.append(np.diff(pressures) > 1e-6, True)]
+def load_steps(step: float, maximum: float) -> np.ndarray:
+    """Actuation pressures (kPa) of the ramp: multiples of ``step`` and the maximum.
+
+    A lower maximum leaves the steps below it as they are, so that a case that goes further passes through the same states.
+    """
+    pressures = step * np.arange(1, int(np.ceil(maximum / step)) + 1)
+    return np.append(pressures[pressures < maximum - _CLOSE], maximum)
 
 
 class _Run:
@@ -188,6 +195,12 @@ class _Run:
         log.info(
             "%s, P_a = %.4g kPa: %d iterations so far, shift %.1e", name, actuation, sum(state.iterations.values()), state.shift
         )
+
+    def visit(self, stage: int, share: float, ventricular: float, actuation: float) -> None:
+        """Keep the equilibrium at loads between two steps and come back: what is looked at must not turn the path."""
+        free, shift = self.state.free, self.state.shift
+        self.advance(stage, share, ventricular, actuation)
+        self.state.free, self.state.shift = free, shift
 
     def _load(self, inside: np.ndarray, pressed: np.ndarray) -> float:
         """What residuals are compared with (N): the pressures on the free displacements, and without any the held forces."""

@@ -1,0 +1,24 @@
+"""Which engines a configuration uses, whether they are there, and which builds of them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from limo.config import ENGINES, Loaded
+from limo.engines import calculix, pardiso
+
+
+def find_engines(loaded: Loaded, config_file: str) -> Path | None:
+    """Find the engines that the studies use and note their builds in ``loaded``; returns CalculiX's executable if it is used.
+
+    Raises ``ConfigError`` or ``SolverNotFoundError``.
+    """
+    used = {loaded.engine_of(study) for study in loaded.studies.values()}
+    used.update(ENGINES if any(study.cross_check for study in loaded.studies.values()) else ())
+    if "newton" in used:
+        loaded.builds["newton"] = f"mkl-{pardiso.mkl_version()}"
+    if "calculix" not in used:
+        return None
+    command = calculix.find_ccx(loaded.config.solver, config_file)
+    loaded.builds["calculix"] = calculix.build_id(command)
+    return command

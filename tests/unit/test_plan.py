@@ -1,0 +1,263 @@
+"""Which case stands for which, from configurations and fabricated results."""
+
+from __future__ import annotations
+
+import shutil
+
+import pytest
+
+from limo.case import SOLVE_CODE, Case, code_digest, describe, study_cases
+from limo.config import Loaded, Study
+from limo.files import write_json
+from limo.plan import holds, make_plan, solved_cases
+
+
+@pytest.fixture
+def studies(loaded):
+    """``studies(name={...}, ...)``: the shipped configuration with these studies, N_p = 8 at 3.8 kPa unless they say else."""
+
+    def make(build="2.20-abc", **changes) -> Loaded:
+        base = {"axes": {"n_pouches": [8], "ventricular_pressure": [3.8]}, "actuation_pressure_max": 60}
+        made = Loaded(loaded.config, loaded.devices, {n: Study(**(base | c)) for n, c in changes.items()}, loaded.files)
+        made.builds = {"calculix": build}
+        return made
+
+    return make
+
+
+@pytest.fixture
+def results(tmp_path):
+    """A folder of results, and ``results.solve(plan)``: write what solving a plan would have written."""
+
+    class Results:
+        path = tmp_path
+
+        def solve(self, plan, status="converged", reached=None, **changes) -> None:
+            for case_id in plan.to_solve:
+                case = plan.cases[case_id]
+                folder = tmp_path / "cases" / case_id
+                at = case.actuation_pressure_max if reached is None else reached
+                write_json(folder / "case.json", describe(case) | changes)
+                write_json(folder / "status.json", {"status": status, "actuation_pressure_reached": at})
+
+    return Results()
+
+
+def only(plan, name):
+    """The one case that serves a study."""
+    (case_id,) = plan.of_study(name)
+    return plan.cases[case_id]
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# before anything is solved
+
+
+def test_the_case_that_goes_furthest_serves_all(studies, results):
+    loaded = studies(short={"actuation_pressure_max": 40}, long={"actuation_pressure_max": 60}, middle={})
+    plan = make_plan(loaded, results.path)
+    assert len(plan.to_solve) == 1
+    assert {plan.of_study(n)[0] for n in loaded.studies} == plan.to_solve
+    assert only(plan, "short").actuation_pressure_max == 60
+
+
+def test_what_is_measured_of_a_short_study_is_measured_of_the_case_that_serves_it(studies, results):
+    short = {"actuation_pressure_max": 40, "outputs": ["volumes", "stress"], "frames": [0, "max"]}
+    plan = make_plan(studies(short=short, long={"frames": [0, "max"]}), results.path)
+    (case_id,) = plan.to_solve
+    assert plan.cases[case_id].frames == (0.0, 40.0, 60.0)
+    assert plan.wanted[case_id].pressures == {"stress": (0.0, 40.0)}
+
+
+def test_the_end_of_a_study_of_volumes_alone_is_no_frame_of_the_case_that_serves_it(studies, results):
+    plan = make_plan(studies(short={"actuation_pressure_max": 40, "frames": [0, 7, "max"]}, long={"frames": [0, "max"]}))
+    assert only(plan, "short").frames == (0.0, 7.0, 60.0)
+    assert plan.wanted == {}
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"reuse": "exact"},
+        {"outputs": ["volumes", "fatigue"]},  # the largest amplitude of the whole ramp
+        {"mesh": {"level": "coarse", "symmetry": "quarter"}},
+        {"mesh": {"level": "preview", "symmetry": "quarter", "element": "C3D20"}},
+        {"mesh": {"level": "preview", "symmetry": "front_back"}},
+        {"numerics": "paper"},
+        {"axes": {"n_pouches": [8], "ventricular_pressure": [3.8], "stiffness_ratio": [1.0 + 1e-9]}},
+    ],
+    ids=["exact", "fatigue", "level", "element", "symmetry", "damping", "E_hat by a hair"],
+)
+def test_nothing_else_serves(studies, results, change):
+    plan = make_plan(studies(short={"actuation_pressure_max": 40} | change, long={}), results.path)
+    assert len(plan.to_solve) == 2
+    assert only(plan, "short").actuation_pressure_max == 40
+
+
+def test_a_case_that_must_be_solved_for_itself_serves_too(studies, results):
+    loaded = studies(strict={"reuse": "exact", "actuation_pressure_max": 60}, short={"actuation_pressure_max": 40})
+    assert len(make_plan(loaded, results.path).to_solve) == 1
+    loaded = studies(strict={"reuse": "exact"}, loose={"frames": [0, 9]}, longer={"actuation_pressure_max": 80})
+    plan = make_plan(loaded, results.path)
+    assert len(plan.to_solve) == 2
+    assert plan.of_study("strict") == plan.of_study("loose")
+    assert 9.0 in only(plan, "strict").frames
+
+
+def test_a_better_mesh_that_is_not_solved_serves_nobody(studies, results):
+    loaded = studies(quick={"reuse": "better"}, good={"mesh": {"level": "coarse", "symmetry": "quarter"}})
+    assert len(make_plan(loaded, results.path).to_solve) == 2
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# afterwards
+
+
+def test_a_plan_stays_as_it_was_when_its_cases_are_solved(studies, results):
+    stress = {"actuation_pressure_max": 50, "outputs": ["volumes", "stress"]}
+    loaded = studies(a={}, b=stress, c={"actuation_pressure_max": 40}, d={"reuse": "exact", "actuation_pressure_max": 30})
+    before = make_plan(loaded, results.path)
+    results.solve(before)
+    after = make_plan(loaded, results.path)
+    assert not after.to_solve
+    assert (after.served, after.wanted) == (before.served, before.wanted)
+    assert {n: c.to_dict() for n, c in after.cases.items()} == {n: c.to_dict() for n, c in before.cases.items()}
+
+
+@pytest.mark.parametrize(
+    ("change", "solves"),
+    [
+        ({"actuation_pressure_max": 50}, False),
+        ({"frames": [0]}, False),
+        ({"frames": [0, "P_v", 25]}, True),
+        ({"actuation_pressure_max": 61}, True),
+        ({"actuation_pressure_max": 50, "reuse": "exact"}, True),
+        ({"actuation_pressure_max": 50, "outputs": ["volumes", "stress"]}, True),  # nobody kept a frame at 50 kPa
+        ({"outputs": ["volumes", "stress"]}, False),
+        ({"numerics": "paper"}, True),
+        ({"description": "other words", "reuse": "better"}, False),
+    ],
+)
+def test_what_a_solved_case_still_serves_when_its_study_changes(studies, results, change, solves):
+    results.solve(make_plan(studies(a={}), results.path))
+    plan = make_plan(studies(a=change), results.path)
+    assert bool(plan.to_solve) == solves
+    for case_id in plan.to_solve:
+        wanted = studies(a=change).studies["a"]
+        assert plan.cases[case_id].actuation_pressure_max == wanted.actuation_pressure_max, "no further than needed"
+
+
+def test_a_new_frame_keeps_those_that_are_there(studies, results):
+    results.solve(make_plan(studies(a={"frames": [0, 5, "max"]}), results.path))
+    plan = make_plan(studies(a={"frames": [0, 9, "max"]}), results.path)
+    assert only(plan, "a").frames == (0.0, 5.0, 9.0, 60.0)
+    results.solve(plan)
+    assert not make_plan(studies(a={"frames": [0, 9, "max"]}), results.path).to_solve
+
+
+def test_the_least_further_case_is_chosen_and_the_own_one_before_it(studies, results):
+    results.solve(make_plan(studies(a={"actuation_pressure_max": 80}), results.path))
+    results.solve(make_plan(studies(a={"actuation_pressure_max": 70, "reuse": "exact"}), results.path))
+    assert only(make_plan(studies(a={}), results.path), "a").actuation_pressure_max == 70
+    results.solve(make_plan(studies(a={"reuse": "exact"}), results.path))
+    assert only(make_plan(studies(a={}), results.path), "a").actuation_pressure_max == 60
+
+
+def test_a_better_mesh_serves_who_says_so_and_may_go_further_too(studies, results):
+    good = {"mesh": {"level": "coarse", "symmetry": "quarter"}, "actuation_pressure_max": 80}
+    results.solve(make_plan(studies(good=good), results.path))
+    assert make_plan(studies(quick={}), results.path).to_solve
+    plan = make_plan(studies(quick={"reuse": "better"}), results.path)
+    assert not plan.to_solve
+    assert only(plan, "quick").mesh.level == "coarse"
+    worse = {"reuse": "better", "mesh": {"level": "medium", "symmetry": "quarter"}}
+    assert make_plan(studies(quick=worse), results.path).to_solve, "a coarser one is not better"
+
+
+def test_another_build_or_other_code_starts_anew(studies, results):
+    first = make_plan(studies(a={}), results.path)
+    results.solve(first)
+    other = make_plan(studies(build="2.22-def", a={}), results.path)
+    assert other.to_solve
+    assert other.to_solve.isdisjoint(first.cases)
+    results.solve(first, code="of another day")
+    assert make_plan(studies(a={}), results.path).to_solve == first.to_solve
+    shorter = make_plan(studies(a={"actuation_pressure_max": 50}), results.path)
+    assert only(shorter, "a").actuation_pressure_max == 50, "who has to be solved again stops where it may"
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# failures
+
+
+def test_a_case_that_failed_beyond_a_study_serves_it(studies, results):
+    results.solve(make_plan(studies(a={}), results.path), "diverged", 55.0)
+    assert not make_plan(studies(a={"actuation_pressure_max": 50}), results.path).to_solve
+
+
+def test_a_case_that_failed_earlier_serves_only_beside_the_study_that_asked_for_it(studies, results):
+    loaded = studies(long={}, short={"actuation_pressure_max": 50})
+    results.solve(make_plan(loaded, results.path), "diverged", 30.0)
+    assert not make_plan(loaded, results.path).to_solve, "it would fail again at the same increment"
+    alone = make_plan(studies(short={"actuation_pressure_max": 50}), results.path)
+    assert only(alone, "short").actuation_pressure_max == 50
+    assert alone.to_solve
+
+
+def test_a_better_case_that_failed_does_not_stand_in_the_way(studies, results):
+    good = {"mesh": {"level": "coarse", "symmetry": "quarter"}}
+    results.solve(make_plan(studies(good=good), results.path), "crashed", 3.0)
+    plan = make_plan(studies(good=good, quick={"reuse": "better"}), results.path)
+    assert only(plan, "quick").mesh.level == "preview"
+
+
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        lambda folder: (folder / "case.json").unlink(),
+        lambda folder: (folder / "case.json").write_text("{"),
+        lambda folder: (folder / "case.json").write_text("[]"),
+        lambda folder: (folder / "status.json").write_text(""),
+        lambda folder: write_json(folder / "case.json", {"case": {}, "code": ""}),
+        shutil.rmtree,
+    ],
+)
+def test_a_folder_that_cannot_be_read_is_no_result(studies, results, spoil):
+    plan = make_plan(studies(a={}), results.path)
+    results.solve(plan)
+    (case_id,) = plan.to_solve
+    spoil(results.path / "cases" / case_id)
+    assert make_plan(studies(a={}), results.path).to_solve == {case_id}
+
+
+def test_a_folder_under_another_name_or_of_another_version_serves_nobody(studies, results):
+    plan = make_plan(studies(a={}), results.path)
+    results.solve(plan)
+    (case_id,) = plan.to_solve
+    (results.path / "cases" / case_id).rename(results.path / "cases" / f"{case_id[:-10]}0123456789")
+    assert make_plan(studies(a={"actuation_pressure_max": 50}), results.path).to_solve
+    (one,) = solved_cases(results.path).values()
+    assert one.case is None
+
+
+def test_cases_of_a_grid_are_served_by_their_like(studies, results):
+    axes = {"n_pouches": [4, 8], "ventricular_pressure": [3.8, 13.8], "aspect_ratio": [1, 2], "stiffness_ratio": [0.5, 1]}
+    loaded = studies(a={"axes": axes}, b={"axes": axes, "actuation_pressure_max": 50})
+    plan = make_plan(loaded, results.path)
+    assert len(plan.to_solve) == 16
+    for key, case in study_cases(loaded, "b").items():
+        serving = plan.cases[plan.served["b"][key]]
+        assert serving.label == case.label
+        assert serving.path() == case.path()
+
+
+def test_holding_frames_is_a_matter_of_tolerance():
+    assert holds((0.0, 13.8), {13.8 + 1e-9})
+    assert holds((), set())
+    assert not holds((0.0, 13.8), {13.9})
+
+
+def test_a_case_describes_itself_with_the_code_that_solves_it(make_case):
+    described = describe(make_case())
+    assert Case.from_dict(described["case"]) == make_case()
+    assert described["code"] == code_digest(SOLVE_CODE["calculix"])

@@ -1,0 +1,195 @@
+"""Nothing that a study does not need: what a change of the configuration runs again, and which results serve others."""
+
+from __future__ import annotations
+
+import resource
+import shutil
+
+import pytest
+import xarray as xr
+
+from limo.cli import main
+from limo.config import load_config
+from limo.engines.calculix import find_ccx
+
+from .conftest import Project
+
+
+@pytest.mark.parametrize(
+    ("file", "change"),
+    [
+        ("studies/tiny.yaml", lambda d: d.update(description="other words")),
+        ("config.yaml", lambda d: d["numerics_presets"]["fast"].update(description="other words")),
+        ("config.yaml", lambda d: d.update(solver={"time_limit": 999.0})),
+        ("config.yaml", lambda d: d["numerics_presets"]["paper_too"].update(hht_alpha=-0.1)),
+        ("config.yaml", lambda d: d["fatigue"].update(youngs_modulus={"value": 120.0, "origin": "a test"})),
+    ],
+    ids=["words about a study", "words about a preset", "time limit", "preset of nobody", "fatigue of nobody"],
+)
+def test_what_no_result_depends_on_runs_nothing(pretended, file, change):
+    def prepared(data):
+        if file == "config.yaml":
+            data["numerics_presets"]["paper_too"] = data["numerics_presets"]["paper"].copy()
+            data.setdefault("fatigue", {})
+        change(data)
+
+    pretended.edit(file, prepared)
+    path = pretended.folder / "config" / file
+    path.write_text("# a comment\n" + path.read_text())
+    assert pretended.planned() == {}
+
+
+def test_the_same_solver_elsewhere_runs_nothing_and_another_build_everything_beside_it(pretended, tmp_path):
+    ccx = tmp_path / "elsewhere" / "ccx"
+    ccx.parent.mkdir()
+    shutil.copy(find_ccx(pretended_solver(pretended)).resolve(), ccx)
+    pretended.edit("config.yaml", lambda d: d.update(solver={"command": str(ccx)}))
+    assert pretended.planned() == {}
+    with ccx.open("ab") as file:
+        file.write(b"another build")
+    planned = pretended.planned()
+    assert planned["solve_case"] == 5
+    assert "mesh_device" not in planned
+    here = {f.name for f in (pretended.folder / "results/cases").iterdir()}
+    assert here.isdisjoint(pretended.plan().to_solve)
+
+
+def pretended_solver(project: Project):
+    return load_config(project.config_file).config.solver
+
+
+@pytest.mark.parametrize(("preset", "solved_again"), [("fast", 3), ("paper", 2)])
+def test_another_damping_solves_the_cases_that_have_it_and_no_others(pretended, preset, solved_again):
+    pretended.edit("config.yaml", lambda d: d["numerics_presets"][preset]["ramp"].update(damping=9e5 if preset == "fast" else 99))
+    planned = pretended.planned()
+    assert planned["solve_case"] == solved_again
+    assert planned["gather_study"] == (2 if preset == "fast" else 1)
+    assert "mesh_device" not in planned
+
+
+@pytest.mark.parametrize(
+    ("change", "solves"),
+    [
+        ({"actuation_pressure_max": 8.0}, 0),
+        ({"frames": [0, "max"]}, 0),
+        ({"frames": [0, "P_v", 7.0, "max"]}, 2),
+        ({"actuation_pressure_max": 8.0, "reuse": "exact"}, 2),
+        ({"actuation_pressure_max": 11.0}, 2),
+    ],
+    ids=["lower maximum", "fewer frames", "new frame", "lower maximum and exact", "higher maximum"],
+)
+def test_a_changed_study_is_gathered_again_and_solved_only_where_results_do_not_reach(pretended, change, solves):
+    pretended.study("tiny", **change)
+    planned = pretended.planned("tiny")
+    assert planned.get("solve_case", 0) == solves
+    assert planned["gather_study"] == 1
+    assert "measure_case" not in planned
+
+
+def test_a_study_that_stops_earlier_is_served_by_what_is_solved(pretended):
+    pretended.study("short", actuation_pressure_max=7.0)
+    assert set(pretended.planned("short")) == {"gather_study", "draw_figure", "short", "total"}
+
+
+def test_of_two_unsolved_studies_the_further_serves_both_in_either_order(project):
+    project.study("long", actuation_pressure_max=20.0)
+    assert project.planned("tiny", "long")["solve_case"] == 2
+    assert project.planned("tiny")["solve_case"] == 2
+    assert {c.actuation_pressure_max for c in project.plan().cases.values()} == {20.0}
+
+
+def test_a_further_study_does_not_solve_what_is_solved(pretended):
+    pretended.study("long", actuation_pressure_max=20.0)
+    assert pretended.planned("tiny") == {}
+    assert pretended.planned("long")["solve_case"] == 2
+
+
+def test_a_better_mesh_serves_only_who_says_so(pretended):
+    mesh = {"level": "rougher", "symmetry": "quarter", "element": "C3D20R"}
+    pretended.edit("config.yaml", lambda d: d["mesh_levels"].update(rougher={"degrees_of_freedom": 2500}))
+    pretended.study("rough", mesh=mesh)
+    assert pretended.planned("rough")["solve_case"] == 2
+    pretended.study("rough", mesh=mesh, reuse="better")
+    assert "solve_case" not in pretended.planned("rough")
+
+
+def test_stress_of_solved_cases_is_measured_without_solving(pretended):
+    pretended.study("tiny", outputs=["volumes", "stress"])
+    planned = pretended.planned("tiny")
+    assert planned["measure_case"] == 2
+    assert "solve_case" not in planned
+
+
+def test_other_figures_do_not_gather_again(pretended):
+    pretended.study("tiny", figures=[])
+    assert pretended.planned("tiny") == {}
+    (pretended.folder / "results/studies/tiny/figures/pressure_volume.png").unlink()
+    pretended.study("tiny", figures=["pressure_volume"])
+    assert set(pretended.planned("tiny")) == {"draw_figure", "tiny", "total"}
+
+
+def test_each_solve_says_how_long_it_will_take(project):
+    said = project.snakemake("-n").stdout
+    assert said.count("s of CPU time") == 2
+    assert "predicted 0 s" not in said
+
+
+def test_a_case_of_no_study_is_one_message(pretended):
+    done = pretended.snakemake("-n", "results/cases/unknown/status.json")
+    assert done.returncode != 0
+    assert "no study of" in done.stdout + done.stderr
+
+
+def test_check_tells_what_is_solved_served_and_left(pretended, capsys, monkeypatch):
+    pretended.study("short", actuation_pressure_max=7.0)
+    pretended.study("long", actuation_pressure_max=20.0)
+    monkeypatch.chdir(pretended.folder)
+    assert main(["check", "--cores", "2"]) == 0
+    said = {line.split(":")[0].strip(): line for line in capsys.readouterr().out.splitlines()}
+    assert "2 cases on 2 meshes, 2 solved" in said["tiny"]
+    assert "2 solved, 2 of 2 served by a case beyond them" in said["short"]
+    assert "0 solved, 2 to solve in" in said["long"]
+    assert main(["check", "long", "short"]) == 0
+    assert "together 4 distinct cases, 2 to solve in" in capsys.readouterr().out
+    assert main(["check", "nobody"]) == 1
+    assert "nobody" in capsys.readouterr().err
+
+
+def test_a_case_that_was_removed_is_solved_again_once_its_study_is_gathered(pretended):
+    (case_id, _) = pretended.plan().of_study("tiny")
+    shutil.rmtree(pretended.folder / "results/cases" / case_id)
+    assert pretended.planned("tiny", "--forcerun", "gather_study")["solve_case"] == 1
+
+
+def test_a_thousand_cases_are_planned_within_seconds(project):
+    values = [0.25 * k for k in range(1, 6)]
+    axes = {
+        "n_pouches": [4, 6, 8, 10],
+        "ventricular_pressure": [float(p) for p in range(10)],
+        "aspect_ratio": [1 + v for v in values],
+        "stiffness_ratio": values,
+    }
+    project.study("thousand", axes=axes, actuation_pressure_max=60.0)
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    assert project.planned("thousand")["solve_case"] == 1000
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    assert after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime < 15.0
+
+
+def test_a_dataset_from_a_further_case_stops_where_its_study_does(solved, tmp_path):
+    project = Project(tmp_path / "copy")
+    shutil.copytree(solved.folder, project.folder, symlinks=True)
+    project.study("short", actuation_pressure_max=7.3)
+    done = project.snakemake("short")
+    assert done.returncode == 0, done.stdout + done.stderr
+    results = project.folder / "results/studies"
+    with xr.open_dataset(results / "short/study.nc") as short, xr.open_dataset(results / "tiny/study.nc") as tiny:
+        assert float(short.actuation_pressure.max()) == 7.3
+        assert (short.actuation_pressure_reached == 7.3).all()
+        assert (short.case_id == tiny.case_id).all()
+        assert short.stroke_volume.notnull().all()
+        shared = [p for p in short.actuation_pressure.values if p in tiny.actuation_pressure.values]
+        xr.testing.assert_allclose(
+            short.stroke_volume.sel(actuation_pressure=shared), tiny.stroke_volume.sel(actuation_pressure=shared)
+        )
+    assert project.planned("short") == {}
