@@ -70,11 +70,12 @@ use_copied_sources() {
 
 # A sed script that leads to Debian 12; fails where this is not another Debian.
 to_debian_12() {
-    local ID='' VERSION_CODENAME=''
-    # shellcheck disable=SC1091
-    . /etc/os-release
-    [ "$ID" = debian ] && [ -n "$VERSION_CODENAME" ] && [ "$VERSION_CODENAME" != bookworm ] || return 1
-    printf 's/\\b(%s|stable|testing)\\b/bookworm/g' "$VERSION_CODENAME"
+    local id codename
+    # in a shell of its own: the file sets many variables
+    # shellcheck disable=SC2016
+    read -r id codename <<<"$(env -i bash -c '. /etc/os-release; echo "$ID" "${VERSION_CODENAME:-}"')"
+    [ "$id" = debian ] && [ -n "$codename" ] && [ "$codename" != bookworm ] || return 1
+    printf 's/\\b(%s|stable|testing)\\b/bookworm/g' "$codename"
 }
 
 # The same as unpack with Debian 12's packages, and as if nothing was installed.
