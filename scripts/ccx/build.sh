@@ -20,7 +20,7 @@ readonly TARBALL_SHA256=b9a6075e181a777bbcfadd3ad21a70749dfdbb439373df3b4895cd2f
 readonly CFLAGS='-O2 -march=native -w -fopenmp -fcommon -DARCH=Linux -DMATRIXSTORAGE -DUSE_MT=1 -DPARDISO'
 readonly FFLAGS='-O1 -w -fopenmp -fallow-argument-mismatch' FFLAGS_HOT='-O3 -march=native -w -fopenmp -fallow-argument-mismatch'
 readonly MKL=(-l:libmkl_intel_lp64.so.3 -l:libmkl_gnu_thread.so.3 -l:libmkl_core.so.3)
-# where a profile of the device finds the time, PARDISO aside; all of the source at -O3 compiles twice as long and gains nothing
+# where a profile of the device finds the time, PARDISO aside; all of the source at -O3 takes longer to compile and gains nothing
 readonly HOT=(add_sm_st.o e_c3d.o mafillsm.o materialdata_me.o op.o resultsmech.o shape20h.o wcoef.o)
 
 mkl_version() { "$VENV/bin/python" -c 'from importlib.metadata import version; print(version("mkl"))' 2>/dev/null; }
