@@ -86,8 +86,13 @@ class SymmetricSolver:
         self._call(_ANALYSE)
 
     def factorise(self, values: np.ndarray) -> int:
-        """Factorise the matrix with ``values`` (of ``indices``) and return how many of its pivots are negative."""
+        """Factorise the matrix with ``values`` (of ``indices``) and return how many of its pivots are negative.
+
+        PARDISO itself says nothing of values that are no numbers and returns a solution; here they are an error.
+        """
         self._values = np.ascontiguousarray(values, float)
+        if not np.isfinite(self._values).all():
+            raise FactorisationError("the matrix holds values that are no numbers")
         self._call(_FACTORISE)
         return int(self._parameters[_NEGATIVE])
 
