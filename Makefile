@@ -6,21 +6,25 @@ SHELL := bash
 CORES ?= 2
 BIN := .venv/bin
 STAMP := .local/setup.done
+CCX_BUILD := scripts/ccx/build.sh $(wildcard scripts/ccx/patches/*.patch)
 export PATH := $(CURDIR)/$(BIN):$(PATH)
 
 # Set-up is redone when its inputs are newer than the stamp, or when .venv was removed.
 ABSENT := $(if $(wildcard $(BIN)/limo),,absent)
 
-.PHONY: help setup sweep test lint format benchmark schemas lock clean-setup absent
+.PHONY: help setup ccx-tuned sweep test lint format benchmark schemas lock clean-setup absent
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
-setup: $(STAMP) ## make .venv, install the locked packages and CalculiX
+setup: $(STAMP) ## make .venv, install the locked packages and CalculiX, and tune that
 
-$(STAMP): pyproject.toml requirements.lock scripts/setup.sh $(ABSENT)
+$(STAMP): pyproject.toml requirements.lock scripts/setup.sh scripts/system_packages.sh $(CCX_BUILD) $(ABSENT)
 	@bash scripts/setup.sh
 	@mkdir -p $(@D) && touch $@
+
+ccx-tuned: setup ## build CalculiX for this processor (set-up tries it, too; here a failure is an error)
+	@bash scripts/ccx/build.sh
 
 sweep: setup ## solve the pressure-volume study, print its table and draw its figure
 	OMP_NUM_THREADS=1 $(BIN)/snakemake --cores $(CORES) pressure_volume

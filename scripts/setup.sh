@@ -7,30 +7,13 @@
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
-readonly VENV=$PWD/.venv LOCAL=$PWD/.local
+readonly SPEAKER=setup VENV=$PWD/.venv LOCAL=$PWD/.local
 readonly LOG=$LOCAL/setup.log APT_STATE=$LOCAL/apt
 readonly CCX_PACKAGES=(calculix-ccx)
 readonly GMSH_PACKAGES=(libfontconfig1 libgl1 libglu1-mesa libgomp1 libstdc++6 libx11-6 libxcursor1 libxext6 libxfixes3
     libxft2 libxinerama1 libxrender1 zlib1g)
-# Unpacked are libraries and what was asked for; never the C library, which must be the system's, nor display drivers,
-# which meshing does not need.
-readonly UNPACKED='^(lib|zlib1g|calculix-ccx|python3-pip-whl)'
-readonly NOT_UNPACKED='^(libc6|libc-bin|libllvm.*|libgl1-mesa-dri|libglx-mesa0)$'
-
-say() { printf 'setup: %s\n' "$*"; }
-
-fail() {
-    printf 'setup: %s\n' "$*" >&2
-    exit 1
-}
-
-# Runs a command with its output in the log.
-quietly() {
-    printf '\n$ %s\n' "$*" >>"$LOG"
-    "$@" >>"$LOG" 2>&1 </dev/null
-}
-
-is_root() { [ "$(id -u)" -eq 0 ]; }
+# shellcheck source-path=SCRIPTDIR/..
+. scripts/system_packages.sh
 
 # --- Python -----------------------------------------------------------------------------------------------------------
 
@@ -92,65 +75,6 @@ install_packages() {
     rm -f "$builders"
     pip_install --no-deps --editable . || fail "limo itself could not be installed; see .local/setup.log"
 }
-
-# --- system packages --------------------------------------------------------------------------------------------------
-
-system_install() {
-    is_root && command -v apt-get >/dev/null || return 1
-    if [ -z "${UPDATED:-}" ]; then
-        quietly apt-get update || true
-        UPDATED=yes
-    fi
-    quietly env DEBIAN_FRONTEND=noninteractive apt-get -o DPkg::Lock::Timeout=300 install -y --no-install-recommends "$@"
-}
-
-# apt-get that neither needs root nor touches the system's state; APT_OPTIONS may hold more options.
-APT_OPTIONS=()
-private_apt() {
-    apt-get -o Dir::State="$APT_STATE" -o Dir::State::status=/var/lib/dpkg/status -o Dir::Cache="$APT_STATE" \
-        -o Debug::NoLocking=true -o APT::Sandbox::User="$(id -un 2>/dev/null || echo root)" "${APT_OPTIONS[@]}" "$@"
-}
-
-# unpack FOLDER PACKAGE...: unpacks packages, and the libraries that they need and the system lacks, below .local/FOLDER.
-unpack() {
-    local folder=$LOCAL/$1 names deb
-    shift
-    command -v apt-get >/dev/null && command -v dpkg-deb >/dev/null || return 1
-    if [ ! -d "$APT_STATE/lists" ]; then
-        mkdir -p "$APT_STATE/lists/partial" "$APT_STATE/archives/partial"
-        quietly private_apt update || true
-    fi
-    names=$(private_apt --simulate --no-install-recommends install "$@" 2>>"$LOG" |
-        awk '/^Inst / {print $2}' | grep -E "$UNPACKED" | grep -vE "$NOT_UNPACKED") || return 1
-    rm -rf "$folder" "$APT_STATE/debs"
-    mkdir -p "$folder" "$APT_STATE/debs"
-    # shellcheck disable=SC2086
-    (cd "$APT_STATE/debs" && quietly private_apt download $names) || return 1
-    for deb in "$APT_STATE"/debs/*.deb; do
-        quietly dpkg-deb -x "$deb" "$folder" || return 1
-    done
-}
-
-# The same with Debian 12's packages, from the servers that this Debian is set up with, and as if nothing was installed.
-unpack_from_debian_12() {
-    local ID='' VERSION_CODENAME='' sources
-    # shellcheck disable=SC1091
-    . /etc/os-release
-    [ "$ID" = debian ] && [ -n "$VERSION_CODENAME" ] && [ "$VERSION_CODENAME" != bookworm ] || return 1
-    rm -rf "$APT_STATE"
-    sources=$APT_STATE/sources
-    mkdir -p "$sources"
-    cp /etc/apt/sources.list.d/*.sources /etc/apt/sources.list.d/*.list /etc/apt/sources.list "$sources" 2>/dev/null || true
-    sed -i -E "s/\\b($VERSION_CODENAME|stable|testing)\\b/bookworm/g" "$sources"/* || return 1
-    : >"$APT_STATE/status"
-    APT_OPTIONS=(-o Dir::Etc::SourceList=/dev/null -o Dir::Etc::SourceParts="$sources" -o Dir::State::status="$APT_STATE/status")
-    unpack "$@" || return 1
-    rm -rf "$APT_STATE"
-    APT_OPTIONS=()
-}
-
-# Folders of the shared libraries unpacked below a folder, relative to it.
-library_folders() { (cd "$1" && find . -path '*/lib/*' -name '*.so.[0-9]*' -printf '%h\n' | sed 's,^\./,,' | sort -u); }
 
 # --- CalculiX ---------------------------------------------------------------------------------------------------------
 
@@ -229,3 +153,4 @@ install_packages
 install_ccx
 install_gmsh_libraries
 say "done: .venv, $(find_ccx)"
+bash scripts/ccx/build.sh || say "without a tuned CalculiX: the one above solves"

@@ -25,6 +25,7 @@ from limo.model import KPA, Model, reduction
 
 #: the six blocks of a symmetric tangent by direction, (i, j) with i <= j
 PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+FIRST, SECOND = np.array(PAIRS).T
 
 
 class Assembly:
@@ -159,22 +160,27 @@ class Assembly:
         return _scatter(forces, self.bricks, len(self.model.nodes))
 
     def _element_tangent(self, deformation: np.ndarray) -> np.ndarray:
-        """Blocks (m, 6, 20, 20) of the element tangents in the order of ``PAIRS``."""
+        """Blocks (m, 20, 6, 20) of the element tangents: node, pair of directions, node.
+
+        The order of axes lets two products of matrices do all the work: (K pair, L) (L, m) a point, (n, g K) (g K, pair m)
+        an element.
+        """
         count, points = deformation.shape[:2]
-        lam = (self._lambda[:, None] * self._volume)[..., None, None]
-        mu = (self._mu[:, None] * self._volume)[..., None, None]
-        left = deformation @ np.swapaxes(deformation, -1, -2)  # b
-        eye = np.eye(3)
-        blocks = np.empty((count, len(PAIRS), 20, 20))
-        for k, (i, j) in enumerate(PAIRS):
-            first, second = deformation[..., i, :], deformation[..., j, :]
-            outer = first[..., :, None] * second[..., None, :]  # F_iK F_jL
-            tensor = lam * outer + mu * (np.swapaxes(outer, -1, -2) + left[..., i, j, None, None] * eye)
-            if i == j:
-                tensor += self._stress
-            half = (tensor @ self._gradient_t).reshape(count, 3 * points, 20)
-            np.matmul(self._gradient, half, out=blocks[:, k])
-        return blocks
+        lam = (self._lambda[:, None] * self._volume)[..., None, None, None]
+        mu = (self._mu[:, None] * self._volume)[..., None, None, None]
+        one, other = deformation[:, :, FIRST], deformation[:, :, SECOND]  # (m, g, pair, 3)
+        one_t, other_t = (np.swapaxes(x, -1, -2)[..., None] for x in (one, other))
+        tensor = one_t * other[:, :, None]  # F_iK F_jL in the order K, pair, L
+        tensor *= lam
+        mirrored = one[:, :, None] * other_t  # F_iL F_jK
+        mirrored *= mu
+        tensor += mirrored
+        left = mu[..., 0] * (one * other).sum(axis=-1)[:, :, None]  # mu b_ij
+        for k in range(3):
+            tensor[:, :, k, :, k] += left[:, :, 0]
+        tensor[:, :, :, :3] += self._stress[:, :, :, None]
+        half = tensor.reshape(count, points, 18, 3) @ self._gradient_t
+        return (self._gradient @ half.reshape(count, 3 * points, 120)).reshape(count, 20, len(PAIRS), 20)
 
     def _assemble_mass(self) -> np.ndarray:
         """Values of the consistent mass on the tangent's pattern (3 x 3 x 3 points)."""
@@ -184,8 +190,8 @@ class Assembly:
         jacobian = np.einsum("gnd,mnk->mgkd", slopes, shell.nodes[shell.bricks])
         volume = np.linalg.det(jacobian) * weights
         element = self.model.density * np.einsum("gn,gp,mg->mnp", shapes, shapes, volume, optimize=True)
-        blocks = np.zeros((len(element), len(PAIRS), 20, 20))
-        blocks[:, :3] = element[:, None]
+        blocks = np.zeros((len(element), 20, len(PAIRS), 20))
+        blocks[:, :, :3] = element[:, :, None]
         return self._gather[0] @ blocks.ravel()
 
 
@@ -222,7 +228,7 @@ class _Faces:
         return _scatter((self._values * self._rule[:, None]).T @ normal, self.nodes, self._count)
 
     def linearise(self, u: np.ndarray, ventricular: float, actuation: float) -> tuple[np.ndarray, np.ndarray]:
-        """f_p and the symmetric part of -df_p/du: blocks (f, 3, 8, 8) of the directions (0, 1), (0, 2), (1, 2).
+        """f_p and the symmetric part of -df_p/du: blocks (f, 8, 3, 8) of the directions (0, 1), (0, 2), (1, 2).
 
         -df_p,ni / du_mj = -p eps_ijk A^k_nm with A^k_nm = int N_n (dN_m/dxi_1 x_,2 - dN_m/dxi_2 x_,1)_k dxi.
         """
@@ -233,19 +239,19 @@ class _Faces:
         turned = turned.reshape(-1, 3, 8, 8)
         skew = 0.5 * (turned - np.swapaxes(turned, -1, -2)) * -pressure[:, None, None, None]
         # eps_012 = 1, eps_021 = -1, eps_120 = 1
-        return self._push(first, second, pressure), np.stack([skew[:, 2], -skew[:, 1], skew[:, 0]], axis=1)
+        return self._push(first, second, pressure), np.stack([skew[:, 2], -skew[:, 1], skew[:, 0]], axis=2)
 
 
 def _entries(
     nodes: np.ndarray, free: np.ndarray, sign: np.ndarray, pairs: tuple[tuple[int, int], ...]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, int]:
-    """Where the entries of element blocks (m, p, k, k) go in the upper triangle: rows, columns, factors, flat sources.
+    """Where the entries of element blocks (m, k, p, k) go in the upper triangle: rows, columns, factors, flat sources.
 
     Of a block on the diagonal only one triangle is taken, of the others all; an off-diagonal entry that constraints bring
     onto the diagonal stands for its mirror image too.
     """
     count, per = nodes.shape
-    shape = (count, len(pairs), per, per)
+    shape = (count, per, len(pairs), per)
     sources = np.arange(np.prod(shape)).reshape(shape)
     rows, columns, values, taken = [], [], [], []
     upper = np.triu(np.ones((per, per), bool))
@@ -260,18 +266,18 @@ def _entries(
         rows.append(np.minimum(free[a], free[b]))
         columns.append(np.maximum(free[a], free[b]))
         values.append(sign[a] * sign[b] * twice)
-        taken.append(sources[:, k][keep])
+        taken.append(sources[:, :, k][keep])
     return (*(np.concatenate(x) for x in (rows, columns, values, taken)), sources.size)
 
 
 def _multiply(blocks: np.ndarray, nodes: np.ndarray, moved: np.ndarray) -> np.ndarray:
-    """Forces (n, 3) that element blocks (m, 6, k, k) give to displacements (n, 3)."""
+    """Forces (n, 3) that element blocks (m, k, 6, k) give to displacements (n, 3)."""
     local = moved[nodes]
     forces = np.zeros_like(local)
     for k, (i, j) in enumerate(PAIRS):
-        forces[..., i] += (blocks[:, k] @ local[..., j, None])[..., 0]
+        forces[..., i] += (blocks[:, :, k] @ local[..., j, None])[..., 0]
         if i != j:
-            forces[..., j] += (np.swapaxes(blocks[:, k], -1, -2) @ local[..., i, None])[..., 0]
+            forces[..., j] += (np.swapaxes(blocks[:, :, k], -1, -2) @ local[..., i, None])[..., 0]
     return _scatter(forces, nodes, len(moved))
 
 

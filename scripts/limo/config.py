@@ -337,7 +337,12 @@ class Solver(Section):
     """Where CalculiX is and how long it may take."""
 
     command: str | None = Field(
-        None, description="path of ccx; found on PATH or in .local/ when empty", examples=["/usr/bin/ccx"]
+        None, description="path of ccx; found in .local/ or on PATH when empty", examples=["/usr/bin/ccx"]
+    )
+    build: Literal["any", "tuned", "stock"] = Field(
+        "any",
+        description="tuned build of this machine, the distribution's ccx, or the first of these there is",
+        examples=["stock"],
     )
     threads: int = Field(1, ge=1, le=64, description="threads a case; one is bit-reproducible", examples=[1])
     time_limit: float = Field(120.0, gt=0, description="minutes of wall time a case may take", examples=[120.0])

@@ -154,7 +154,7 @@ def gather_study(loaded: Loaded, name: str, case_folder: Path, sources: Sequence
         text["case_reason"][index] = status["reason"]
         text["efficiency_90ml_reason"][index] = efficiency_reason(status["status"], data["stroke_volume"][index])
         build = status.get("solver", {})
-        text["solver_build"][index] = f"{build.get('version', '')} {build.get('sha256', '')}".strip()
+        text["solver_build"][index] = " ".join(build[k] for k in ("version", "sha256", "build") if k in build)
     dataset = xr.Dataset(
         {
             n: (VARIABLES[n].dims, values, {"units": VARIABLES[n].units, "long_name": VARIABLES[n].long_name})

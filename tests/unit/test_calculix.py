@@ -2,6 +2,7 @@
 
 import contextlib
 import itertools
+import json
 import os
 import select
 import signal
@@ -23,8 +24,9 @@ STA = """SUMMARY OF JOB INFORMATION
 
 @pytest.fixture
 def solver_script(tmp_path, monkeypatch):
-    """``solver_script(lines)``: an executable shell script that stands for ccx, watched closely."""
+    """``solver_script(lines)``: an executable shell script that stands for ccx, watched closely; no tuned build is about."""
     monkeypatch.setattr(calculix, "_POLL", 0.01)
+    monkeypatch.setattr(calculix, "TUNED", tmp_path / "ccx-tuned" / "bin" / "ccx")
 
     def make(lines, name="ccx"):
         path = tmp_path / name
@@ -229,6 +231,45 @@ def test_command_is_found_on_the_path_then_in_the_project_then_nowhere(solver_sc
         find_ccx(Solver())
     local = solver_script("exit 0", "local_ccx")
     assert find_ccx(Solver()) == local
+
+
+@pytest.fixture
+def tuned_script(solver_script, tmp_path):
+    """``tuned_script(lines, processor)``: the same in the place of the tuned build, described as made for ``processor``."""
+
+    def make(lines="echo This is Version 2.99", processor=None):
+        path = tmp_path / "ccx-tuned" / "bin"
+        path.mkdir(parents=True)
+        facts = {"processor": processor or calculix._processor(), "patches": "c0ffee", "mkl": "2026"}
+        (path.parent / "build.json").write_text(json.dumps(facts))
+        return solver_script(lines, "ccx-tuned/bin/ccx")
+
+    return make
+
+
+def test_tuned_build_is_preferred_to_the_path_but_not_to_a_named_command(solver_script, tuned_script, tmp_path, monkeypatch):
+    stock, tuned, named = solver_script("exit 0"), tuned_script(), solver_script("exit 0", "my_ccx")
+    monkeypatch.setenv("PATH", f"{tmp_path}:/usr/bin:/bin")
+    assert find_ccx(Solver()) == find_ccx(Solver(build="tuned")) == tuned
+    assert find_ccx(Solver(build="stock")) == stock
+    assert find_ccx(Solver(command=str(named), build="tuned")) == named
+
+
+@pytest.mark.parametrize(
+    "broken", [{"processor": "another one"}, {"lines": "echo libmkl_core.so.3: cannot open shared object file >&2; exit 127"}]
+)
+def test_tuned_build_that_cannot_run_here_is_passed_over(solver_script, tuned_script, tmp_path, monkeypatch, broken):
+    stock, _ = solver_script("exit 0"), tuned_script(**broken)
+    monkeypatch.setenv("PATH", f"{tmp_path}:/usr/bin:/bin")
+    assert find_ccx(Solver()) == stock
+    with pytest.raises(SolverNotFoundError, match="make ccx-tuned"):
+        find_ccx(Solver(build="tuned"))
+
+
+def test_build_says_whether_it_is_tuned_and_of_what(solver_script, tuned_script):
+    assert solver_build(solver_script("echo Version 2.99"))["build"] == "stock"
+    build = solver_build(tuned_script())
+    assert (build["build"], build["version"], build["patches"], build["mkl"]) == ("tuned", "2.99", "c0ffee", "2026")
 
 
 def test_command_given_relative_to_the_project_runs_in_a_case_folder(solver_script, tmp_path, monkeypatch):

@@ -71,7 +71,7 @@ def gathered(grid, tmp_path_factory):
             "iterations": 100 * n_pouches,
             "actuation_pressure_reached": STOPPED_AT if failed else case.actuation_pressure_max,
             "rest_change": None,
-            "solver": {"version": "2.20", "sha256": "ab" * 8},
+            "solver": {"version": "2.20", "sha256": "ab" * 8, "build": "tuned"},
         }
         write_json(target / "status.json", status)
         if n_pouches == 8:
@@ -159,7 +159,7 @@ def test_attributes_tell_where_the_dataset_comes_from(grid, gathered):
     assert re.fullmatch(r"[0-9a-f]{40}\+?|unknown", gathered.attrs["git_commit"])
     assert gathered.attrs["study"] == "grid"
     assert "a test" in gathered.attrs["title"]
-    assert str(pick(gathered, 4).solver_build.values) == "2.20 " + "ab" * 8
+    assert str(pick(gathered, 4).solver_build.values) == "2.20 " + "ab" * 8 + " tuned"
 
 
 def test_dataset_round_trip(gathered, tmp_path):

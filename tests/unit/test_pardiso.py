@@ -58,6 +58,18 @@ def test_negative_pivots_are_as_many_as_negative_eigenvalues(solver):
     assert counts[0] > counts[1] > counts[2] > counts[3] == 0
 
 
+def test_a_solver_of_definite_matrices_tells_them_from_others_and_goes_on():
+    part, right = upper(matrix(1)), np.random.default_rng(6).normal(size=SIZE)
+    definite = SymmetricSolver(part.indptr, part.indices, definite=True)
+    for shift in (20.0, 4.0, 0.0, 20.0):
+        full = matrix(1, shift)
+        least = np.linalg.eigvalsh(full.toarray()).min()
+        assert definite.factorise(upper(full).data) == (least < 0)
+        if least > 0:
+            np.testing.assert_allclose(full @ definite.solve(right), right, atol=1e-9)
+    definite.close()
+
+
 def test_one_analysis_serves_other_values_of_the_same_pattern(solver):
     right = np.random.default_rng(3).normal(size=SIZE)
     for seed in (1, 2, 3):

@@ -1,8 +1,12 @@
-"""The lock file covers what pyproject.toml asks for and can be installed anywhere."""
+"""The lock file covers what pyproject.toml asks for and can be installed anywhere; set-up goes on without the tuned solver."""
 
 from __future__ import annotations
 
+import os
 import re
+import shutil
+import subprocess
+import sys
 import tomllib
 from pathlib import Path
 
@@ -60,3 +64,26 @@ def test_every_pin_has_a_hash():
 def test_lock_names_no_server_and_no_folder():
     for line in LOCK.read_text().splitlines():
         assert not re.search(r"/|--(extra-)?index-url|--find-links|file:", line), line
+
+
+@pytest.mark.parametrize(
+    ("apt", "said"),
+    [("exit 100", "the source package calculix-ccx=2.20-1 cannot be had here"), ("exit 0", "is not the one that is pinned")],
+    ids=["no source", "another source"],
+)
+def test_tuned_solver_that_cannot_be_built_leaves_one_line_and_nothing_else(tmp_path, apt, said):
+    """A copy of the project whose apt-get brings nothing: set-up goes on with the stock solver."""
+    shutil.copytree(ROOT / "scripts", tmp_path / "scripts")
+    (tmp_path / ".venv/bin").mkdir(parents=True)
+    (tmp_path / "bin").mkdir()
+    for path, lines in ((".venv/bin/python", f'exec {sys.executable} "$@"'), ("bin/apt-get", apt)):
+        (tmp_path / path).write_text(f"#!/bin/sh\n{lines}\n")
+        (tmp_path / path).chmod(0o755)
+    environment = {**os.environ, "PATH": f"{tmp_path}/bin:{os.environ['PATH']}"}
+    command = ["bash", tmp_path / "scripts/ccx/build.sh"]
+    run = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=60, check=False)
+    assert run.returncode == 1
+    assert run.stdout == "ccx-tuned: fetching the source package\n"
+    assert said in run.stderr
+    assert run.stderr.count("\n") == 1
+    assert not list((tmp_path / ".local").glob("*ccx-tuned*/*"))

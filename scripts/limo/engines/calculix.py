@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import hashlib
+import json
 import os
 import re
 import shutil
@@ -33,12 +34,13 @@ from limo.model import Model
 
 JOB = "deck"
 LOCAL = Path(__file__).parents[3] / ".local" / "bin" / "ccx"
+TUNED = Path(__file__).parents[3] / ".local" / "ccx-tuned" / "bin" / "ccx"
 _PR_SET_PDEATHSIG = 1
 _POLL = 0.5  # s between looks at a running solver
 
 
 def find_ccx(solver: Solver, config_file: str = "config/config.yaml") -> Path:
-    """The executable: ``solver.command``, else ``ccx`` on PATH, else the one that set-up unpacked into ``.local``.
+    """The executable: ``solver.command``; else, by ``solver.build``, the tuned build, ``ccx`` on PATH, or the one in ``.local``.
 
     Raises ``ConfigError`` for a command that is not an executable, ``SolverNotFoundError`` when there is none at all.
     """
@@ -49,6 +51,13 @@ def find_ccx(solver: Solver, config_file: str = "config/config.yaml") -> Path:
                 config_file, "solver.command", solver.command, "the path of a CalculiX executable", "command: /usr/bin/ccx"
             )
         return Path(found).absolute()
+    if solver.build != "stock" and tuned_build_runs():
+        return TUNED.absolute()
+    if solver.build == "tuned":
+        raise SolverNotFoundError(
+            "There is no tuned CalculiX in .local/ccx-tuned for this machine: `make ccx-tuned` builds it and says what is "
+            "missing; or use the stock one with solver: {build: stock} in config/config.yaml"
+        )
     found = shutil.which("ccx") or (str(LOCAL) if os.access(LOCAL, os.X_OK) else None)
     if not found:
         raise SolverNotFoundError(
@@ -58,15 +67,40 @@ def find_ccx(solver: Solver, config_file: str = "config/config.yaml") -> Path:
     return Path(found).absolute()
 
 
-def solver_build(command: Path) -> dict[str, str]:
-    """Which build a result comes from: path, version, and a hash of the executable."""
+def tuned_build_runs() -> bool:
+    """Whether the tuned build is there, was made for this processor, and starts (its libraries are in .venv)."""
+    built_for = _tuned_facts(TUNED).get("processor")
+    return built_for is not None and built_for == _processor() and "Version" in _version_text(TUNED)
+
+
+def _processor() -> str:
+    """The processor's name and a hash of its features, as ``scripts/ccx/build.sh`` writes them down."""
+    lines = dict(re.findall(r"^(model name|flags)\s*: (.*)$", Path("/proc/cpuinfo").read_text(), re.MULTILINE))
+    features = hashlib.sha256(lines.get("flags", "").encode()).hexdigest()[:8]
+    return f"{lines.get('model name', '')}, features {features}"
+
+
+def _tuned_facts(command: Path) -> dict[str, str]:
+    """What ``scripts/ccx/build.sh`` wrote down about a build; empty for any other executable."""
+    facts = command.parent.parent / "build.json"
+    return json.loads(facts.read_text()) if command == TUNED and facts.exists() and os.access(command, os.X_OK) else {}
+
+
+def _version_text(command: Path) -> str:
     said = subprocess.run([command, "-v"], capture_output=True, text=True, timeout=60, check=False)
-    version = re.search(r"Version\s+(\S+)", said.stdout + said.stderr)
-    content = command.resolve().read_bytes()
+    return said.stdout + said.stderr
+
+
+def solver_build(command: Path) -> dict[str, str]:
+    """Which build a result comes from: path, version and hash of the executable, and what a tuned one is made of."""
+    version = re.search(r"Version\s+(\S+)", _version_text(command))
+    facts = _tuned_facts(command)
     return {
         "command": str(command),
         "version": version.group(1) if version else "unknown",
-        "sha256": hashlib.sha256(content).hexdigest()[:16],
+        "sha256": hashlib.sha256(command.resolve().read_bytes()).hexdigest()[:16],
+        "build": "tuned" if facts else "stock",
+        **facts,
     }
 
 

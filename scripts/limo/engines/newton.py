@@ -139,7 +139,7 @@ class _Run:
     def __init__(self, model: Model, settings: Newton, deadline: float):
         self.model, self.settings, self.deadline = model, settings, deadline
         self.assembly = Assembly(model)
-        self.solver = SymmetricSolver(self.assembly.indptr, self.assembly.indices)
+        self.solver = SymmetricSolver(self.assembly.indptr, self.assembly.indices, definite=True)
         length = model.case.device.pattern.length
         self.largest, self.rejected = settings.largest_step * length, settings.rejected_step * length
         self.state = _State(np.zeros(self.assembly.size), shift=settings.first_shift)
@@ -245,7 +245,9 @@ class _Run:
             state.rejected += 1
             state.shift *= self.settings.shift_growth
             if state.shift > LARGEST_SHIFT:
-                raise _StopError("diverged", f"no downhill step with a shift up to {LARGEST_SHIFT:.0e} 1/s2 leaves all elements whole")
+                raise _StopError(
+                    "diverged", f"no downhill step with a shift up to {LARGEST_SHIFT:.0e} 1/s2 leaves all elements whole"
+                )
 
     def _reuse(
         self, size: float, load: float, correction: float, before: np.ndarray, ventricular: float, actuation: float

@@ -14,17 +14,18 @@ import numpy as np
 
 from limo.errors import SolverNotFoundError
 
-_SYMMETRIC_INDEFINITE = -2
+_POSITIVE_DEFINITE, _SYMMETRIC_INDEFINITE = 2, -2
 _ANALYSE, _FACTORISE, _SOLVE, _RELEASE = 11, 22, 33, -1
 # iparm, counted from zero
 _CUSTOM, _ORDERING, _REFINEMENT, _PIVOT_PERTURBATION, _SCALING, _MATCHING = 0, 1, 7, 9, 10, 12
 _PEAK, _PERMANENT, _FACTOR_MEMORY, _PIVOTING, _NEGATIVE, _ZERO_BASED = 14, 15, 16, 20, 22, 34
 _NESTED_DISSECTION = 2
+_ZERO_PIVOT = -4
 _ERRORS = {
     -1: "inconsistent input",
     -2: "not enough memory",
     -3: "reordering failed",
-    -4: "zero pivot",
+    _ZERO_PIVOT: "zero pivot",
     -7: "singular diagonal",
     -10: "out-of-core file",
 }
@@ -62,10 +63,12 @@ class SymmetricSolver:
     """Factors of symmetric matrices that share one pattern.
 
     ``indptr`` (n + 1,), ``indices``: rows of the upper triangle, diagonal included, columns rising, counted from zero.
-    Raises ``FactorisationError``.
+    ``definite``: only positive definite matrices are wanted, and the first negative pivot ends a factorisation; it takes a
+    quarter less time. Raises ``FactorisationError``.
     """
 
-    def __init__(self, indptr: np.ndarray, indices: np.ndarray):
+    def __init__(self, indptr: np.ndarray, indices: np.ndarray, *, definite: bool = False):
+        self._kind = _POSITIVE_DEFINITE if definite else _SYMMETRIC_INDEFINITE
         self._indptr = np.ascontiguousarray(indptr, np.int32)
         self._indices = np.ascontiguousarray(indices, np.int32)
         self._size = len(indptr) - 1
@@ -88,12 +91,15 @@ class SymmetricSolver:
     def factorise(self, values: np.ndarray) -> int:
         """Factorise the matrix with ``values`` (of ``indices``) and return how many of its pivots are negative.
 
-        PARDISO itself says nothing of values that are no numbers and returns a solution; here they are an error.
+        With ``definite`` 1 stands for one or more; there is nothing to solve with then. PARDISO itself says nothing of values
+        that are no numbers and returns a solution; here they are an error.
         """
         self._values = np.ascontiguousarray(values, float)
         if not np.isfinite(self._values).all():
             raise FactorisationError("the matrix holds values that are no numbers")
-        self._call(_FACTORISE)
+        code = self._call(_FACTORISE, allowed=(_ZERO_PIVOT,) if self._kind == _POSITIVE_DEFINITE else ())
+        if self._kind == _POSITIVE_DEFINITE:
+            return int(code == _ZERO_PIVOT)
         return int(self._parameters[_NEGATIVE])
 
     def solve(self, right_side: np.ndarray) -> np.ndarray:
@@ -114,7 +120,13 @@ class SymmetricSolver:
             self._call(_RELEASE)
             self._handle[:] = 0
 
-    def _call(self, phase: int, right_side: np.ndarray | None = None, solution: np.ndarray | None = None) -> None:
+    def _call(
+        self,
+        phase: int,
+        right_side: np.ndarray | None = None,
+        solution: np.ndarray | None = None,
+        allowed: tuple[int, ...] = (),
+    ) -> int:
         empty = np.zeros(1)
         error = ctypes.c_int(0)
 
@@ -128,7 +140,7 @@ class SymmetricSolver:
             pointer(self._handle),
             integer(1),
             integer(1),
-            integer(_SYMMETRIC_INDEFINITE),
+            integer(self._kind),
             integer(phase),
             integer(self._size),
             pointer(self._values),
@@ -142,5 +154,6 @@ class SymmetricSolver:
             pointer(solution),
             ctypes.byref(error),
         )
-        if error.value:
+        if error.value and error.value not in allowed:
             raise FactorisationError(f"PARDISO: {_ERRORS.get(error.value, 'error')} ({error.value}, phase {phase})")
+        return error.value
