@@ -8,7 +8,8 @@ on the deformed faces, T the constraints, and lambda g the prescribed displaceme
     K_nm = sum_g w (dN_n/dX_K) A_iKjL (dN_m/dX_L),   A_iKjL = lambda F_iK F_jL + mu (b_ij delta_KL + F_iL F_jK) + delta_ij S_KL
 
 with b = F F^T, plus that of the pressures. Follower pressure on a surface whose edges are held or meet others is
-conservative, so K is symmetric; what single edges leave over (half a thickness of the rotating valve edge) is symmetrised.
+conservative, so K is symmetric. What single edges leave over (half a thickness of the rotating valve edge) is symmetrised, and
+so is what remains inside with the 2 x 2 points that CalculiX gives the faces of C3D20R (with 3 x 3 points nothing does).
 Units: mm, N, MPa, tonne, s.
 """
 
@@ -133,6 +134,10 @@ class Assembly:
         density = 0.5 * self._lambda[:, None] * trace**2 + self._mu[:, None] * (strain**2).sum(axis=(-1, -2))
         return float((density * self._volume).sum())
 
+    def smallest_volume(self, u: np.ndarray) -> float:
+        """Smallest det F of all integration points; none positive means elements turned inside out."""
+        return float(np.linalg.det(self._kinematics(u)[0]).min())
+
     def _kinematics(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         moved = np.ascontiguousarray(u[self.bricks].transpose(0, 2, 1))  # (m, 3, 20)
         gradient = (moved @ self._gradient).reshape(len(moved), 3, self._points, 3).transpose(0, 2, 1, 3)
@@ -191,23 +196,23 @@ class Assembly:
 
 
 class _Faces:
-    """The loaded faces of a model: follower pressure and its tangent with 3 x 3 points."""
+    """The loaded faces of a model: follower pressure and its tangent, with as many points a direction as the bricks."""
 
     def __init__(self, model: Model):
         shell, count = model.expansion, len(model.nodes)
         self._count = count
-        nodes, weights = [], []
+        nodes, weights = [np.empty((0, 8), int)], [np.empty((0, 2))]
         for load in model.pressures:
             face, sign = (HEX20_BOTTOM, 1.0) if load.side == "bottom" else (HEX20_TOP, -1.0)
             nodes.append(shell.bricks[load.quads][:, face])
             weights.append(np.tile([sign * KPA * load.ventricular, sign * KPA * load.actuation], (len(load.quads), 1)))
         self.nodes = np.vstack(nodes)
         self._weights = np.vstack(weights)
-        local, self._rule = gauss(3, 2)
+        local, self._rule = gauss(2 if model.case.mesh.element.endswith("R") else 3, 2)
         self._values, slopes = quad8_shape(local)
         self._slopes = [np.ascontiguousarray(slopes[:, :, d]) for d in range(2)]
         self._rest = shell.nodes
-        # int N_n dN_m over the rule, for both directions: (9, 64)
+        # N_n dN_m at the points, weighted, for both directions: (g, 64)
         self._pairs = [np.einsum("gn,gm,g->gnm", self._values, s, self._rule).reshape(len(local), 64) for s in self._slopes]
 
     def _tangents(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

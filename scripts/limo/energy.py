@@ -16,7 +16,8 @@ def conjugate_volumes(model: Model, displacements: np.ndarray) -> tuple[float, f
 
     They are swept by the loaded faces of the bricks, while ``volumes.volumes`` reports those of the middle surface; the
     two differ by half a thickness times a change of area. Exact for P_a, whose faces close; for P_v up to what half a
-    thickness sweeps where the outer edge turns (0.3 % on a real ramp). ``displacements`` (n, 3) in mm.
+    thickness sweeps where the outer edge turns (0.3 % on a real ramp). Both up to the 2 x 2 points that C3D20R integrates
+    pressures with. ``displacements`` (n, 3) in mm.
     """
     x = model.nodes + displacements
     shell = model.expansion

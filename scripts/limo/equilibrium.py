@@ -46,10 +46,13 @@ def internal_forces(model: Model, displacements: np.ndarray, source: object = "f
 
 
 def pressure_forces(model: Model, displacements: np.ndarray, actuation_pressure: float) -> np.ndarray:
-    """f_p (n, 3) in N of P_v and P_a (kPa) on the deformed faces: int N p n da, pushing into the face (3 x 3 points)."""
+    """f_p (n, 3) in N of P_v and P_a (kPa) on the deformed faces: int N p n da, pushing into the face.
+
+    With the points of CalculiX: 2 x 2 on faces of C3D20R and S8R, 3 x 3 on those of C3D20 and S8.
+    """
     shell = model.expansion
     x = shell.nodes + displacements[: len(shell.nodes)]
-    local, weights = gauss(3, 2)
+    local, weights = gauss(2 if model.case.mesh.element.endswith("R") else 3, 2)
     values, slopes = quad8_shape(local)
     total = np.zeros((len(model.nodes), 3))
     for load in model.pressures:

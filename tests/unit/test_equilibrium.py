@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from limo.config import Mesh
 from limo.energy import stored_energy
 from limo.equilibrium import (
     internal_forces,
@@ -42,10 +43,15 @@ def test_internal_forces_are_the_slope_of_the_stored_energy(device):
     assert force == pytest.approx(slope, rel=1e-6)
 
 
-def test_pressure_forces_are_the_slope_of_pressure_times_volume(device):
-    """On a mesh whose loaded faces all close over planes through the origin the follower load has a potential."""
+@pytest.mark.parametrize(("element", "error"), [("C3D20", 1e-6), ("C3D20R", 1e-2)])
+def test_pressure_forces_are_the_slope_of_pressure_times_volume(make_case, device_mesh, element, error):
+    """On a mesh whose loaded faces all close over planes through the origin the follower load has a potential.
+
+    The 2 x 2 points of C3D20R do not integrate it exactly.
+    """
     from limo.energy import conjugate_volumes
 
+    device = build_model(make_case(mesh=Mesh(level="preview", symmetry="quarter", element=element)), device_mesh())
     u = shaken(device, 0.0)
     # a direction that keeps the edges where they are: then no boundary term remains
     rng, fixed = np.random.default_rng(3), np.zeros(len(device.nodes), bool)
@@ -59,7 +65,7 @@ def test_pressure_forces_are_the_slope_of_pressure_times_volume(device):
     ahead, behind = (np.array(conjugate_volumes(device, u + s * step * direction)) for s in (1, -1))
     work = (ahead - behind) / (2 * step) @ [device.case.ventricular_pressure, p_a] * 1e-3
     force = (pressure_forces(device, u, p_a) * direction).sum() * mesh.copies
-    assert force == pytest.approx(work, rel=1e-6)
+    assert force == pytest.approx(work, rel=error)
 
 
 def test_forces_turn_with_the_device_and_do_not_mind_where_it_is(device):

@@ -7,9 +7,10 @@ At a frozen load the free displacements q follow
 with the consistent tangent K (follower pressures included), the mass matrix M and a shift sigma that pseudo-transient
 continuation moves between strong (small steps downhill, through a snap) and negligible (Newton's method near equilibrium):
 
-- a factorisation with a negative pivot, or a step beyond ``rejected_step``, multiplies sigma and factorises again, so that
-  every step goes downhill in energy and no unstable equilibrium is ever accepted;
-- a step is cut to ``largest_step``; after it sigma falls;
+- a factorisation with a negative pivot, a step beyond ``rejected_step`` and one that turns elements inside out multiply sigma
+  and factorise again, so that every step goes downhill in energy and stays with bricks that can be;
+- a step is cut to ``largest_step``; after it sigma falls, and only where it has fallen all the way a state is accepted, so that
+  none is unstable;
 - a factor is used again as long as the residual falls tenfold without a new one.
 
 No damping is left in the answer: a snap of the device is a jump at its load. Steps of some millimetres matter: with steps of
@@ -38,6 +39,10 @@ LARGEST_SHIFT = 1e14
 REUSED_WHILE = 0.1
 #: forces count as load from this share of the internal ones and this value (N) on, for devices without pressure
 HELD_SHARE, SMALLEST_FORCE = 1e-3, 1e-9
+#: share of its volume that every integration point keeps in a step: St. Venant-Kirchhoff fabric does not resist being turned
+#: inside out and is at rest again as its own mirror image
+SMALLEST_VOLUME = 0.1
+TINY = np.finfo(float).tiny
 FIT, HOLD, RAMP = range(3)
 _CLOSE = 1e-6  # kPa, pressures closer than this are the same
 
@@ -150,8 +155,11 @@ class _Run:
         self.state.prescribed = 1.0
         self.state.free = self.assembly.gather_free(displacements)
 
-    def displacements(self) -> np.ndarray:
-        return self.assembly.expand(self.state.free) + self.state.prescribed * self.assembly.prescribed
+    def displacements(self, free: np.ndarray | None = None, prescribed: float | None = None) -> np.ndarray:
+        """Displacements (n, 3) of the state, or with other free and another share of the prescribed ones."""
+        free = self.state.free if free is None else free
+        prescribed = self.state.prescribed if prescribed is None else prescribed
+        return self.assembly.expand(free) + prescribed * self.assembly.prescribed
 
     def advance(self, stage: int, share: float, ventricular: float, actuation: float) -> None:
         """Bring the device to rest at a share of the prescribed displacements and at pressures in kPa."""
@@ -167,14 +175,15 @@ class _Run:
             residual, load = assembly.reduce(pressed - inside), self._load(inside, pressed)
             size = np.linalg.norm(residual)
             if moved is None and self._at_rest(size, load, correction, before):
+                if assembly.smallest_volume(u) <= 0:
+                    raise _StopError("diverged", f"elements turned inside out at P_a = {actuation:g} kPa of the {name}")
                 break
             _, _, values, dragged = assembly.linearise(u, ventricular, actuation, moved)
             if moved is not None:
                 # the edges move with this step: what they drag along is part of its right side
                 residual = residual - assembly.reduce(dragged)
-            step = self._step(values, residual)
-            largest = np.abs(step).max()
-            state.free = state.free + min(1.0, self.largest / largest) * step
+            step, largest = self._step(values, residual, share)
+            state.free = state.free + step
             state.iterations[name] += 1
             correction = largest
             if moved is not None:
@@ -207,12 +216,20 @@ class _Run:
         return max(np.linalg.norm(self.assembly.reduce(pressed)), HELD_SHARE * np.linalg.norm(inside), SMALLEST_FORCE)
 
     def _at_rest(self, size: float, load: float, correction: float, before: np.ndarray) -> bool:
-        """Residual small beside the load, and the last correction beside the way gone at this load."""
-        gone = max(np.abs(self.state.free - before).max(), 1e-3 * self.largest)
-        return size <= self.settings.residual * load and correction <= self.settings.correction * gone
+        """Residual small beside the load, the last correction beside the way gone at this load, and the shift at its smallest.
 
-    def _step(self, values: np.ndarray, residual: np.ndarray) -> np.ndarray:
-        """The step of the shifted system, its shift raised until the matrix is positive and the step no leap."""
+        A larger shift would hide an unstable equilibrium, and how far the stable one is.
+        """
+        settings = self.settings
+        gone = max(np.abs(self.state.free - before).max(), 1e-3 * self.largest)
+        quiet = size <= settings.residual * load and correction <= settings.correction * gone
+        return quiet and self.state.shift <= settings.smallest_shift
+
+    def _step(self, values: np.ndarray, residual: np.ndarray, share: float) -> tuple[np.ndarray, float]:
+        """The step of the shifted system, cut to ``largest_step``, and its largest displacement before that.
+
+        The shift is raised until the matrix is positive, the step no leap, and no element turned inside out by it.
+        """
         state = self.state
         while True:
             negative = self.solver.factorise(values + state.shift * self.assembly.mass)
@@ -220,12 +237,17 @@ class _Run:
             if not negative:
                 step = self.solver.solve(residual)
                 state.solutions += 1
-                if np.abs(step).max() <= self.rejected:
-                    return step
+                largest = np.abs(step).max()
+                if largest <= self.rejected:
+                    step = min(1.0, self.largest / max(largest, TINY)) * step
+                    if self.assembly.smallest_volume(self.displacements(state.free + step, share)) > SMALLEST_VOLUME:
+                        return step, largest
             state.rejected += 1
             state.shift *= self.settings.shift_growth
             if state.shift > LARGEST_SHIFT:
-                raise _StopError("diverged", f"no downhill step with a shift up to {LARGEST_SHIFT:.0e} 1/s2")
+                raise _StopError(
+                    "diverged", f"no downhill step with a shift up to {LARGEST_SHIFT:.0e} 1/s2 leaves all elements whole"
+                )
 
     def _reuse(
         self, size: float, load: float, correction: float, before: np.ndarray, ventricular: float, actuation: float

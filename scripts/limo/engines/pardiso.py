@@ -91,9 +91,12 @@ class SymmetricSolver:
     def factorise(self, values: np.ndarray) -> int:
         """Factorise the matrix with ``values`` (of ``indices``) and return how many of its pivots are negative.
 
-        With ``definite`` 1 stands for one or more; there is nothing to solve with then.
+        With ``definite`` 1 stands for one or more; there is nothing to solve with then. PARDISO itself says nothing of values
+        that are no numbers and returns a solution; here they are an error.
         """
         self._values = np.ascontiguousarray(values, float)
+        if not np.isfinite(self._values).all():
+            raise FactorisationError("the matrix holds values that are no numbers")
         code = self._call(_FACTORISE, allowed=(_ZERO_PIVOT,) if self._kind == _POSITIVE_DEFINITE else ())
         if self._kind == _POSITIVE_DEFINITE:
             return int(code == _ZERO_PIVOT)
