@@ -67,6 +67,7 @@ def _row(case: Case, folder: Path) -> dict:
         "rejected": status["rejected_attempts"],
         "increments": status["increments"],
         "factorisations": status.get("factorisations"),
+        "factor_seconds": status.get("factor_seconds"),
         "cpu_seconds": status["solver_cpu_seconds"],
         "python_seconds": status["python_cpu_seconds"],
         "wall_seconds": status["solver_wall_seconds"],
@@ -268,6 +269,11 @@ def _targets(rows: pd.DataFrame) -> pd.DataFrame:
         ("half of the paper's density, newton", newton[newton.batch == "half paper density newton"], 30),
     ):
         add(f"{name}: longest case", of.cpu_seconds.max() / 60 if len(of) else None, limit, "min CPU")
+    bare = newton.dropna(subset=["factor_seconds"])
+    for batch in ("grid preview newton", "grid paper density newton"):
+        of = bare[bare.batch == batch]
+        value = of.cpu_seconds.sum() / of.factor_seconds.sum() if len(of) else None
+        add(f"{batch}: all over factorise and solve", value, 1.25, "times")
     add("memory, newton", newton.memory_mib.max() / 1024 if len(newton) else None, 2, "GiB")
     whole = _builds(rows)
     if len(whole):
