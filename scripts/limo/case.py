@@ -105,16 +105,10 @@ class Case:
             "aspect_ratio": self.aspect_ratio,
             "stiffness_ratio": self.stiffness_ratio,
             "engine": self.engine,
-            "numerics": self.numerics_content(),
+            "numerics": self.numerics.for_engine(self.engine).model_dump(mode="json"),
             "build": self.build,
             "branch": self.branch,
         }
-
-    def numerics_content(self) -> dict[str, Any]:
-        """The part of the numerics that the case's engine looks at."""
-        if self.engine == "newton":
-            return self.numerics.newton.model_dump(mode="json")
-        return self.numerics.model_dump(mode="json", exclude={"description", "newton"})
 
     def path(self, *, any_level: bool = False) -> str:
         """Hash of all that decides how the solution evolves with P_a: everything but where it stops.
@@ -177,10 +171,10 @@ def study_cases(loaded: Loaded, name: str) -> dict[tuple, Case]:
     scaled = {
         scale: device.model_copy(update={"pattern": device.pattern.model_copy(update={"width_scale": scale})}) for scale in scales
     }
-    # words about a preset are no part of a case: changing them must change nothing that a case is compared by
-    numerics = loaded.numerics_of(study).model_copy(update={"description": ""})
     cases = {}
     engine = loaded.engine_of(study)
+    # what the engine does not look at is no part of a case: changing it must change nothing that a case is compared by
+    numerics = loaded.numerics_of(study).for_engine(engine)
     grid = (axes.n_pouches, axes.ventricular_pressure, axes.aspect_ratio, axes.stiffness_ratio, scales, range(study.branches))
     for key in product(*grid):
         n_pouches, pressure, aspect, stiffness, scale, branch = key
@@ -212,9 +206,10 @@ def cross_checks(loaded: Loaded, name: str) -> dict[tuple, Case]:
     study = loaded.studies[name]
     cases = {key: case for key, case in study_cases(loaded, name).items() if not case.branch}
     other = next(e for e in ENGINES if e != loaded.engine_of(study))
+    change = {"engine": other, "build": loaded.builds.get(other, ""), "numerics": loaded.numerics_of(study).for_engine(other)}
     count, keys = min(study.cross_check, len(cases)), list(cases)
     places = [round(k * (len(keys) - 1) / max(count - 1, 1)) for k in range(count)]
-    return {keys[k]: replace(cases[keys[k]], engine=other, build=loaded.builds.get(other, "")) for k in places}
+    return {keys[k]: replace(cases[keys[k]], **change) for k in places}
 
 
 def all_cases(loaded: Loaded) -> dict[str, Case]:

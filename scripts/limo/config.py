@@ -327,6 +327,13 @@ class Numerics(Section):
             raise ValueError("first_increment no smaller than smallest_increment")
         return self
 
+    def for_engine(self, engine: str) -> Numerics:
+        """The same without words, and with neutral values wherever ``engine`` does not look."""
+        if engine != "newton":
+            return self.model_copy(update={"description": "", "newton": Newton()})
+        still = Stage(damping=0, duration=1)
+        return Numerics(fit=still, hold=still, ramp=Stage(damping=0, rate=1), newton=self.newton)
+
     @property
     def solver_damping(self) -> float:
         """Damping (1/s) on the solver's clock, of which CalculiX knows one a run: the largest of the stages'."""

@@ -111,8 +111,9 @@ def residual(
     motion: np.ndarray | None = None,
     damping: float = 0.0,
     source: object = "frame",
+    precision: np.dtype | str = "float32",
 ) -> Residual:
-    """Residual of a frame: ``displacements`` (n, 3) in mm at P_a in kPa.
+    """Residual of a frame: ``displacements`` (n, 3) in mm at P_a in kPa, stored in ``precision``.
 
     ``motion`` (2, n, 3), velocity in mm/s and acceleration in mm/s^2 on the solver's clock, and ``damping`` in 1/s give the
     viscous forces and inertia.
@@ -132,7 +133,7 @@ def residual(
         whole = float(np.linalg.norm(project @ forces.ravel()) / load)
         return whole, float(np.linalg.norm(through_thickness(model, forces)[free]) / load_sum)
 
-    shaken = internal_forces(model, _with_references(model, u + rounding_noise(u)), source)
+    shaken = internal_forces(model, _with_references(model, u + rounding_noise(u, precision)), source)
     return Residual(
         *norms(inside - loaded + viscous),
         *norms(shaken - inside),
@@ -140,9 +141,9 @@ def residual(
     )
 
 
-def rounding_noise(displacements: np.ndarray, seed: int = 1) -> np.ndarray:
-    """Random errors (mm) of the size that rounding to single precision makes: uniform within half a spacing of the value."""
-    spacing = np.spacing(np.abs(displacements).astype(np.float32)).astype(float)
+def rounding_noise(displacements: np.ndarray, precision: np.dtype | str = "float32", seed: int = 1) -> np.ndarray:
+    """Random errors (mm) of the size that rounding to ``precision`` makes: uniform within half a spacing of the value."""
+    spacing = np.spacing(np.abs(displacements).astype(precision)).astype(float)
     return np.random.default_rng(seed).uniform(-0.5, 0.5, displacements.shape) * spacing
 
 

@@ -62,9 +62,9 @@ MEASURES = {
     "von_mises_max_zone": Measure(("frame",), "", "zone of the largest von Mises stress", "stress"),
     "von_mises_max_surface": Measure(("frame",), "", "surface of the largest von Mises stress", "stress"),
     "residual": Measure(("frame",), "1", "force resultants out of equilibrium over the applied load", "stress"),
-    "residual_floor": Measure(("frame",), "1", "part of the residual that single precision explains", "stress"),
+    "residual_floor": Measure(("frame",), "1", "part of the residual that rounding of the frame explains", "stress"),
     "residual_full": Measure(("frame",), "1", "nodal forces out of equilibrium over the applied load", "stress"),
-    "residual_full_floor": Measure(("frame",), "1", "part of the full residual that single precision explains", "stress"),
+    "residual_full_floor": Measure(("frame",), "1", "part of the full residual that rounding of the frame explains", "stress"),
     "viscous_share": Measure(("frame",), "1", "damping and inertia over the applied load", "stress"),
     "strain_peak": Measure(("frame", "side"), "1", f"largest principal strain in the fabric's plane, E_1, {_TOP}", "strain"),
     "strain_max": Measure(("frame", "side"), "1", "largest principal strain in the fabric's plane, E_1, its maximum", "strain"),
@@ -239,7 +239,8 @@ def _equilibrium(values: dict, k: int, model: Model, frames: CaseFrames, at: int
     damping = model.case.numerics.solver_damping
     known = frames.motion is not None and np.isfinite(frames.motion[at]).all()
     motion = frames.motion[at].astype(float) if known else None
-    found = residual(model, frames.displacement[at].astype(float), frames.pressure[at], motion, damping, source)
+    stored = frames.displacement[at]
+    found = residual(model, stored.astype(float), frames.pressure[at], motion, damping, source, stored.dtype)
     values["residual"][k], values["residual_floor"][k] = found.resultant, found.resultant_floor
     values["residual_full"][k], values["residual_full_floor"][k] = found.full, found.floor
     values["viscous_share"][k] = found.viscous
