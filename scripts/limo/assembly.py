@@ -69,8 +69,8 @@ class Assembly:
             raise ResultError("a displacement that depends on two free ones: this model's equations are not followed")
         held = np.diff(columns.indptr) == 0
         self._free = np.full(3 * len(model.nodes), -1)
-        self._sign = np.zeros(3 * len(model.nodes))
-        self._free[~held], self._sign[~held] = columns.indices, columns.data
+        self._factor = np.zeros(3 * len(model.nodes))
+        self._free[~held], self._factor[~held] = columns.indices, columns.data
         self.prescribed = np.zeros((len(model.nodes), 3))
         for (n, d), value in model.prescribed.items():
             self.prescribed[n, d] = value
@@ -80,13 +80,13 @@ class Assembly:
 
     def expand(self, free: np.ndarray) -> np.ndarray:
         """T q: displacements (n, 3) of all nodes from the free ones (size,), prescribed ones zero."""
-        return np.where(self._free >= 0, self._sign * free[self._free], 0.0).reshape(-1, 3)
+        return np.where(self._free >= 0, self._factor * free[self._free], 0.0).reshape(-1, 3)
 
     def gather_free(self, displacements: np.ndarray) -> np.ndarray:
         """q (size,) of displacements (n, 3) that meet the constraints; the inverse of ``expand`` up to prescribed ones."""
         free, taken = np.zeros(self.size), self._free >= 0
         moved = (displacements - self.prescribed).ravel()[taken]
-        free[self._free[taken]] = self._sign[taken] * moved
+        free[self._free[taken]] = moved / self._factor[taken]
         return free
 
     def reduce(self, forces: np.ndarray) -> np.ndarray:
@@ -98,7 +98,10 @@ class Assembly:
     def _plan(self) -> None:
         """The pattern, and the sparse matrices that carry element matrices to its values."""
         faces = self._faces
-        parts = [_entries(self.bricks, self._free, self._sign, PAIRS), _entries(faces.nodes, self._free, self._sign, PAIRS[3:])]
+        parts = [
+            _entries(self.bricks, self._free, self._factor, PAIRS),
+            _entries(faces.nodes, self._free, self._factor, PAIRS[3:]),
+        ]
         rows = np.concatenate([p[0] for p in parts])
         columns = np.concatenate([p[1] for p in parts])
         key = rows * self.size + columns

@@ -12,7 +12,7 @@ from limo.assembly import Assembly
 from limo.config import Mesh
 from limo.energy import stored_energy
 from limo.equilibrium import internal_forces, mass_forces, pressure_forces
-from limo.model import Model, build_model
+from limo.model import Equation, Model, build_model
 
 from .patches import grid, patch_mesh, patch_model
 from .test_equilibrium import shaken
@@ -212,6 +212,20 @@ def test_displacements_meet_every_constraint(make_model, symmetry):
     for equation in model.equations:
         assert abs(sum(c * u[n, d] for n, d, c in equation.terms)) < 1e-12
     np.testing.assert_allclose(assembly.gather_free(u), free, rtol=0, atol=1e-12)
+
+
+def test_equations_may_have_any_factors(patch):
+    """As those of an inclined plane of symmetry."""
+    a, b = (int(n) for n in patch.expansion.bottom[:2])
+    model = Model(**{**patch.__dict__, "equations": (Equation(((b, 2, 2.0), (a, 0, 0.5))),)})
+    assembly = Assembly(model)
+    free = directions(assembly)[0]
+    u = assembly.expand(free)
+    assert 2.0 * u[b, 2] + 0.5 * u[a, 0] == pytest.approx(0, abs=1e-12)
+    np.testing.assert_allclose(assembly.gather_free(u), free, rtol=0, atol=1e-12)
+    matrix = whole(assembly, assembly.linearise(0.01 * u, 0.0, 0.0)[2])
+    expected = assembly.reduce(slope(lambda v: assembly.forces(v, 0.0, 0.0)[0], 0.01 * u, u))
+    assert np.linalg.norm(matrix @ free - expected) < 1e-7 * np.linalg.norm(expected)
 
 
 def test_forces_and_displacements_are_reduced_alike(make_model):

@@ -71,8 +71,8 @@ class _State:
 def solve(model: Model, solver: Solver, start: np.ndarray | None = None) -> Path:
     """Carry a model through fit and ramp; a state at rest stands between them, so the hold takes no time.
 
-    ``start`` (n, 3) in mm, a state with the valve fitted and P_v on, takes the place of the fit. Never raises for a model
-    that does not converge: what was accepted is in the path, with status and reason.
+    ``start`` (n, 3) in mm, a state with the valve fitted and P_v on, takes the place of the fit; it may lack the reference
+    nodes. Never raises for a model that does not converge: what was accepted is in the path, with status and reason.
     """
     settings, case = model.case.numerics.newton, model.case
     began, used = time.monotonic(), _cpu_seconds()
@@ -155,7 +155,9 @@ class _Run:
 
     def start_from(self, displacements: np.ndarray) -> None:
         self.state.prescribed = 1.0
-        self.state.free = self.assembly.gather_free(displacements)
+        whole = self.assembly.prescribed.copy()
+        whole[: len(displacements)] = displacements
+        self.state.free = self.assembly.gather_free(whole)
 
     def displacements(self, free: np.ndarray | None = None, prescribed: float | None = None) -> np.ndarray:
         """Displacements (n, 3) of the state, or with other free and another share of the prescribed ones."""

@@ -1,0 +1,335 @@
+"""The engine newton: patch tests, closed forms, a classical airbag, CalculiX on the same mesh, and how it fails."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from limo import deck
+from limo.assembly import Assembly
+from limo.case import Case
+from limo.config import Solver
+from limo.elements import HEX20
+from limo.engines import calculix, newton
+from limo.engines.pardiso import SymmetricSolver
+from limo.equilibrium import residual
+from limo.frd import FrdFile
+from limo.model import Equation, Model, Pressure, build_model
+from limo.volumes import volumes
+from tests.unit.patches import curved_patch, grid, patch_mesh, patch_model
+
+from .conftest import small_mesh, with_
+
+
+def tight(case: Case, **changes) -> Case:
+    """The case with small residuals; ``newton`` holds other limits of the engine, the rest goes to ``with_``."""
+    limits = {"residual": 1e-6, "correction": 1e-4, **changes.pop("newton", {})}
+    numerics = case.numerics.model_copy(update={"newton": case.numerics.newton.model_copy(update=limits)})
+    return with_(case, numerics=numerics, frames=(), engine="newton", **changes)
+
+
+def material(case: Case, **values) -> Case:
+    return with_(case, device=case.device.model_copy(update={"material": case.device.material.model_copy(update=values)}))
+
+
+def solved(model: Model) -> tuple[newton.Path, np.ndarray]:
+    """The engine's path and its last state (n, 3)."""
+    path = newton.solve(model, Solver(time_limit=2))
+    assert path.status == "converged", path.reason
+    return path, path.displacements(len(path.stage) - 1)
+
+
+def negative_pivots(model: Model, displacements: np.ndarray, ventricular: float, actuation: float) -> int:
+    assembly = Assembly(model)
+    solver = SymmetricSolver(assembly.indptr, assembly.indices)
+    count = solver.factorise(assembly.linearise(displacements, ventricular, actuation)[2])
+    solver.close()
+    return count
+
+
+# --- patch tests ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("element", ["C3D20R", "C3D20"])
+def test_a_patch_takes_a_constant_strain(case, element):
+    """On crooked bricks with straight edges; large strains, the outer nodes displaced and all others free."""
+    points, quads = grid(3, 3)
+    corner = np.zeros(len(points), bool)
+    corner[quads[:, :4]] = True
+    inner = (np.abs(points) < 1 - 1e-9).all(axis=1)
+    rng = np.random.default_rng(1)
+    points = points + np.where((corner & inner)[:, None], rng.uniform(-0.15, 0.15, points.shape), 0.0)
+    for k in range(4):
+        points[quads[:, 4 + k]] = 0.5 * (points[quads[:, k]] + points[quads[:, (k + 1) % 4]])
+    mesh = patch_mesh(np.column_stack([10 * points, 0 * points[:, 0]]), quads)
+    case = tight(case, element=element, ventricular_pressure=0.0, actuation_pressure_max=0.0, newton={"residual": 1e-9})
+    free = patch_model(case, mesh)
+    gradient = np.array([[0.05, 0.03, 0.0], [0.01, -0.02, 0.0], [0.0, 0.0, 0.0]])
+    strain = 0.5 * (gradient + gradient.T + gradient.T @ gradient)
+    nu = case.device.material.poisson_ratio
+    gradient[2, 2] = np.sqrt(1 - 2 * nu / (1 - nu) * (strain[0, 0] + strain[1, 1])) - 1  # plane stress
+    exact = free.nodes @ gradient.T
+    shell, outer = free.expansion, np.flatnonzero(~inner)
+    held = np.concatenate([shell.bottom[outer], shell.top[outer], shell.middle[outer][shell.middle[outer] >= 0]])
+    model = Model(**{**free.__dict__, "prescribed": {(int(n), d): exact[n, d] for n in held for d in range(3)}, "pressures": ()})
+    assert 20 < len(exact) - len(held) < len(exact) / 2
+    _, found = solved(model)
+    assert np.abs(found - exact).max() < 1e-8 * np.abs(exact).max()
+
+
+# --- closed forms ---------------------------------------------------------------------------------------------------------
+
+
+def inflated(case: Case, kind: str, radius: float, stretch: float, elements: int) -> tuple[Model, np.ndarray]:
+    """A curved patch between symmetry planes, loaded from below by the closed form's pressure as P_v.
+
+    The planes go through the axis y of a cylinder, which does not stretch along it, and through the centre of a sphere.
+    Returns the closed form's displacements too.
+    """
+    model, exact, _, _, pressure = curved_patch(case, kind, radius, stretch, elements)
+    case = tight(case, ventricular_pressure=pressure, actuation_pressure_max=0.0, newton={"residual": 1e-8})
+    load = (Pressure("wall_front", model.pressures[0].quads, "bottom", 1.0, 0.0),)
+    half = 0.15
+    fixed, equations = [], []
+    for n, (x, y, z) in enumerate(model.nodes):
+        if kind == "cylinder":
+            fixed.append((n, 1))
+        for d, across in ((0, x), (1, y)):
+            if d == 1 and kind == "cylinder":
+                continue
+            angle = np.arctan2(across, z)
+            if abs(abs(angle) - half) < 1e-9:
+                # no motion out of the plane: cos u_d -+ sin u_z = 0
+                equations.append(Equation(((n, d, np.cos(half)), (n, 2, -np.sign(angle) * np.sin(half)))))
+    return Model(
+        **{**model.__dict__, "case": case, "fixed": tuple(fixed), "equations": tuple(equations), "pressures": load}
+    ), exact
+
+
+@pytest.mark.parametrize("kind", ["cylinder", "sphere"])
+def test_pressurised_patches_take_the_radius_of_the_closed_form(case, kind):
+    """Growth of the radius within 0.5 % of the thin fabric's, and better than third order with the mesh."""
+    radius, stretch, growth = 40.0, 1.03, []
+    for elements in (1, 2, 4):
+        model, exact = inflated(case, kind, radius, stretch, elements)
+        _, found = solved(model)
+        place, moved, target = (model.expansion.midsurface(x[: len(exact)]) for x in (model.nodes, found, exact))
+        outward = place * ([1, 0, 1] if kind == "cylinder" else [1, 1, 1])
+        outward /= np.linalg.norm(outward, axis=1, keepdims=True)
+        growth.append((moved * outward).sum(axis=1).mean())
+        assert growth[-1] == pytest.approx((stretch - 1) * radius, rel=5e-3)
+        assert np.abs(moved - target).max() < 5e-3 * np.abs(target).max()
+    coarse, fine = np.abs(np.diff(growth))
+    assert np.log2(coarse / fine) > 3
+
+
+def airbag(case: Case, elements: int, thinner: float) -> Model:
+    """A quarter of the upper sheet of a square airbag: side 1.2 m / sqrt(2), 0.6 mm, E = 588 MPa, nu = 0.4, 5 kPa.
+
+    ``thinner`` divides the thickness at the same E t: the published values are those of membranes, which do not bend.
+    """
+    side = 1200 / np.sqrt(2)
+    case = material(case, thickness=0.6 / thinner, youngs_modulus=588.0 * thinner, poisson_ratio=0.4)
+    case = tight(case, ventricular_pressure=5.0, actuation_pressure_max=0.0, newton={"residual": 1e-4})
+    pattern = case.device.pattern.model_copy(update={"length": side})
+    case = with_(case, device=case.device.model_copy(update={"pattern": pattern}))
+    points, quads = grid(elements, elements)
+    mesh = patch_mesh(np.column_stack([(points + 1) * side / 4, 0 * points[:, 0]]), quads)
+    free = patch_model(case, mesh)
+    shell, fixed, equations = free.expansion, [], []
+    for n, (x, y, _) in enumerate(mesh.nodes):
+        low, middle, high = int(shell.bottom[n]), int(shell.middle[n]), int(shell.top[n])
+        fixed += [(k, d) for d, across in ((0, x), (1, y)) for k in (low, middle, high) if k >= 0 and across < 1e-9]
+        if max(x, y) > side / 2 - 1e-6:  # the edge stays in the plane of the other sheet and is free to turn
+            if middle >= 0:
+                fixed.append((middle, 2))
+            equations.append(Equation(((low, 2, 1.0), (high, 2, 1.0))))
+    load = (Pressure("wall_front", np.arange(len(quads)), "bottom", 1.0, 0.0),)
+    return Model(**{**free.__dict__, "fixed": tuple(fixed), "equations": tuple(equations), "pressures": load})
+
+
+@pytest.mark.parametrize("elements", [6, 8])
+def test_the_square_airbag_rises_as_high_as_published(case, elements):
+    """0.2166 m at the centre, as Jarasjarungkiat et al. (2009) found with 8 x 8 membranes.
+
+    The bending stiffness of sheets of the full thickness costs such coarse meshes some per cent: their wrinkles are too short.
+    """
+    model = airbag(case, elements, thinner=10.0)
+    _, u = solved(model)
+    middle, centre = model.expansion.midsurface(u), int(np.abs(model.mesh.nodes).sum(axis=1).argmin())
+    assert middle[centre, 2] == pytest.approx(216.6, rel=0.01)
+    thick = airbag(case, elements, thinner=1.0)
+    assert 0.8 < thick.expansion.midsurface(solved(thick)[1])[centre, 2] / middle[centre, 2] < 1.0
+
+
+# --- stability ------------------------------------------------------------------------------------------------------------
+
+
+def strut(case: Case, shortening: float) -> Model:
+    """A strip 20 mm long and 2 mm wide, clamped at both ends, which come nearer by ``shortening`` mm along its axis x."""
+    points, quads = grid(8, 1)
+    mesh = patch_mesh(np.column_stack([10 * points[:, 0], points[:, 1], 0 * points[:, 0]]), quads)
+    case = tight(case, element="C3D20", ventricular_pressure=0.0, actuation_pressure_max=0.0)
+    free = patch_model(case, mesh)
+    ends = np.abs(np.abs(free.nodes[:, 0]) - 10) < 1e-9
+    prescribed = {(int(n), 0): -np.sign(free.nodes[n, 0]) * shortening / 2 for n in np.flatnonzero(ends)}
+    fixed = [(int(n), 2) for n in np.flatnonzero(ends & (np.abs(free.nodes[:, 2]) < 1e-9))]
+    fixed += [(int(n), 1) for n in np.flatnonzero(np.abs(free.nodes[:, 1]) < 1e-9)]
+    return Model(**{**free.__dict__, "prescribed": prescribed, "fixed": tuple(fixed), "pressures": ()})
+
+
+def test_no_unstable_equilibrium_is_accepted(case):
+    """A straight strut stays in equilibrium beyond Euler's load; it buckles into (1 + cos(2 pi x / l)) / 2 all the same."""
+    model = strut(case, 0.1)
+    path, u = solved(model)
+    for k in range(len(path.stage)):
+        assert negative_pivots(model, path.displacements(k), 0.0, 0.0) == 0
+    thickness = model.case.device.material.thickness
+    euler = np.pi**2 * thickness**2 / (3 * 20)  # mm of shortening at Euler's load, 4 pi^2 E I / l^2
+    height = 2 / np.pi * np.sqrt(20 * (0.1 - euler))
+    middle = model.expansion.midsurface(u)[np.abs(model.mesh.nodes[:, 0]) < 1e-9, 2]
+    assert np.abs(middle).mean() == pytest.approx(height, rel=0.01)
+
+
+# --- the device, and CalculiX on the same mesh ----------------------------------------------------------------------------
+
+
+def device(case: Case, n_pouches: int = 4, ventricular: float = 13.8, maximum: float = 2.0, dofs: int = 3000, **changes) -> Model:
+    values = {"symmetry": "quarter", "n_pouches": n_pouches, "ventricular_pressure": ventricular, **changes}
+    case = tight(case, actuation_pressure_max=maximum, **values)
+    return build_model(case, small_mesh(case, dofs, case.mesh.symmetry))
+
+
+@pytest.mark.parametrize("n_pouches", [4, 12])
+def test_no_element_turns_inside_out_while_fitting_under_a_high_pressure(case, n_pouches):
+    """St. Venant-Kirchhoff fabric does not resist it: full steps from the flat state leave the valve edge mirrored."""
+    model = device(case, n_pouches, ventricular=23.8, maximum=0.0, dofs=8000)
+    path, _ = solved(model)
+    assembly = Assembly(model)
+    assert min(assembly.smallest_volume(path.displacements(k)) for k in range(len(path.stage))) > 0.8
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"ventricular": 0.0}, {"stiffness_ratio": 0.1}, {"element": "C3D20"}, {"symmetry": "front_back"}, {"n_pouches": 8}],
+    ids=str,
+)
+def test_devices_of_all_kinds_come_to_rest(case, changes):
+    model = device(case, **changes)
+    path, u = solved(model)
+    found = residual(model, u, path.pressure[-1])
+    assert path.pressure[-1] == 2.0
+    assert found.full < 1e-3
+    assert found.resultant < 1e-4
+    assert negative_pivots(model, u, model.case.ventricular_pressure, 2.0) == 0
+
+
+def test_a_start_takes_the_place_of_the_fit(case):
+    """Frames leave out the reference nodes."""
+    model = device(case)
+    path, u = solved(model)
+    fitted = path.displacements(int(np.flatnonzero(path.stage == newton.HOLD)[-1]))
+    again = newton.solve(model, Solver(), start=fitted[: model.reference_start])
+    assert again.status == "converged"
+    assert again.iterations["fit"] == 0
+    assert np.abs(again.displacements(len(again.stage) - 1) - u).max() < 1e-4
+
+
+def handed_to_calculix(model: Model, u: np.ndarray, folder: Path, before: float, after: float) -> tuple[str, list[np.ndarray]]:
+    """Three static steps of CalculiX: a state imposed at P_a = ``before``, all that is free let go, P_a raised to ``after``.
+
+    Returns the log and the displacements (n, 3) of the bricks' nodes at the end of each step. A brick apart from the device
+    keeps one displacement free in the first step: CalculiX wants an equation to solve.
+    """
+    count, bricks = len(model.nodes), len(model.expansion.bricks)
+    lines = [*deck._geometry(model), "*NODE, NSET=ALL"]
+    lines += [f"{count + k + 1}, {500 + x:g}, {y:g}, {z:g}" for k, (x, y, z) in enumerate(HEX20)]
+    numbers = [str(n) for n in (bricks + 1, *range(count + 1, count + 21))]
+    lines += [f"*ELEMENT, TYPE={model.case.mesh.element}, ELSET=APART", ", ".join(numbers[:11]) + ",", ", ".join(numbers[11:])]
+    lines += [*deck._sets(model), *deck._materials(model, 0.0), "*SOLID SECTION, ELSET=APART, MATERIAL=FABRIC"]
+    lines += deck._constraints(model)
+    held = [f"{count + k + 1}, {d}, {d}" for k in range(20) for d in (1, 2, 3) if (k, d) != (6, 1)]
+    dependent = {equation.terms[0][:2] for equation in model.equations}
+    used = np.zeros((count, 3), bool)
+    used[np.unique(model.expansion.bricks)] = used[model.reference_start :] = True
+    imposed = [(n, d) for n, d in zip(*np.nonzero(used), strict=True) if (n, d) not in dependent and (n, d) not in {*model.fixed}]
+    imposed = [f"{n + 1}, {d + 1}, {d + 1}, {u[n, d]:.15g}" for n, d in imposed]
+    true = [f"{n + 1}, {d + 1}, {d + 1}" for n, d in model.fixed]
+    true += [f"{n + 1}, {d + 1}, {d + 1}, {value:.15g}" for (n, d), value in model.prescribed.items()]
+    for boundary, rows, pressure in (("", imposed, before), (", OP=NEW", true, before), (", OP=NEW", true, after)):
+        lines += ["*STEP, NLGEOM, INC=100", "*STATIC", "1, 1", "*CONTROLS, PARAMETERS=FIELD", "1e-6, 1e-4, , , 1e-6"]
+        lines += [f"*BOUNDARY{boundary}", *rows, *held]
+        for load in model.pressures:
+            value = 1e-3 * (load.ventricular * model.case.ventricular_pressure + load.actuation * pressure)
+            lines += ["*DLOAD", f"{load.surface.upper()}, {deck.BRICK_SIDE[load.side]}, {value:.15g}"]
+        lines += ["*NODE OUTPUT, FREQUENCY=100", "U", "*END STEP"]
+    folder.mkdir(parents=True)
+    (folder / "deck.inp").write_text("\n".join(lines) + "\n")
+    outcome = calculix.run(folder, calculix.find_ccx(Solver()), Solver(), 3.0)
+    assert outcome.status == "converged", outcome.reason
+    with FrdFile(folder / "deck.frd") as frd:
+        states = [frd.displacements(frame, count + 20)[: model.reference_start] for frame in frd.frames]
+    return (folder / "ccx.log").read_text(), states
+
+
+@pytest.mark.parametrize(("n_pouches", "dofs", "element"), [(4, 3000, "C3D20R"), (8, 8000, "C3D20R"), (4, 3000, "C3D20")])
+def test_calculix_stays_where_newton_rests_and_goes_where_it_goes(case, tmp_path, n_pouches, dofs, element):
+    """The state at P_a = 0 is an equilibrium of CalculiX too, and under 2 kPa more both change the volumes alike."""
+    model = device(case, n_pouches, dofs=dofs, element=element)
+    path, last = solved(model)
+    first = path.displacements(int(np.flatnonzero(path.stage == newton.HOLD)[-1]))
+    assert residual(model, first, 0.0).full < 1e-5
+    log, (imposed, released, raised) = handed_to_calculix(model, first, tmp_path / "ccx", 0.0, 2.0)
+    bricks = slice(model.reference_start)
+    assert np.abs(imposed - first[bricks]).max() < 1e-5  # single precision
+    assert np.abs(released - first[bricks]).max() < 1e-5
+    step = log.split("increment 1 attempt 1")[2]  # of the second step: what its first iteration found
+    force, left, correction = (
+        float(re.search(rf"{name}=\s*(\S+)", step).group(1))
+        for name in ("average force", "largest residual force", "largest correction to disp")
+    )
+    assert force > 1.0
+    assert left < 1e-4 * force
+    assert correction < 1e-5 * np.abs(first).max()
+
+    def cavities(u: np.ndarray) -> np.ndarray:
+        return np.array(volumes(model.mesh, model.mesh.nodes + model.expansion.midsurface(u)))
+
+    ours, theirs = (cavities(u[bricks]) - cavities(first[bricks]) for u in (last, raised))
+    assert (np.abs(ours) > 100).all()  # mm^3
+    np.testing.assert_allclose(theirs, ours, rtol=1e-3)
+
+
+# --- failure --------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "changes", [{"ventricular": 1e4}, {"ventricular": 1e6}, {"maximum": 1e4, "newton": {"load_step": 100.0}}]
+)
+def test_absurd_pressures_end_the_path_with_a_reason(case, changes):
+    model = device(case, **changes)
+    path = newton.solve(model, Solver(time_limit=2))
+    assert path.status == "diverged"
+    assert "no downhill step" in path.reason
+    assert len(path.stage) == len(path.pressure)
+    assert path.wall_seconds < 60
+    assembly = Assembly(model)
+    assert all(assembly.smallest_volume(path.displacements(k)) > 0 for k in range(len(path.stage)))
+
+
+def test_a_path_that_does_not_settle_says_how_far_it_was(case):
+    path = newton.solve(device(case, newton={"iterations": 5}), Solver())
+    assert path.status == "diverged"
+    assert re.search(r"no equilibrium at P_a = 0 kPa of the fit in 5 iterations: residual \S+ of the load", path.reason)
+
+
+def test_the_time_limit_ends_the_path_with_what_was_accepted(case):
+    path = newton.solve(device(case, 8, dofs=8000), Solver(time_limit=0.02))
+    assert path.status == "timed_out"
+    assert "time limit" in path.reason
+    assert 0 < len(path.stage) < 12
+    assert path.wall_seconds < 10
+    assert np.isfinite(path.displacements(len(path.stage) - 1)).all()
