@@ -16,7 +16,7 @@ Units: mm, N, MPa, tonne, s.
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import csr_array
+from scipy.sparse import csc_array
 
 from limo.elements import HEX20_BOTTOM, HEX20_TOP, gauss, hex20_shape, quad8_shape
 from limo.errors import ResultError
@@ -25,6 +25,8 @@ from limo.model import KPA, Model, reduction
 
 #: the six blocks of a symmetric tangent by direction, (i, j) with i <= j
 PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+#: elements whose tangents are formed together
+CHUNK = 64
 FIRST, SECOND = np.array(PAIRS).T
 
 
@@ -49,6 +51,9 @@ class Assembly:
         self._volume = np.linalg.det(jacobian) * weights
         self._lambda, self._mu = lame(model.youngs_modulus, model.case.device.material.poisson_ratio)
         self._faces = _Faces(model)
+        self._blocks = np.empty((count, 20, 120))
+        self._half = np.empty((min(count, CHUNK), points, 18, 20))
+        self._known: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
         self._constrain()
         self._plan()
         self.mass = self._assemble_mass()
@@ -106,8 +111,9 @@ class Assembly:
         split, start = len(parts[0][0]), 0
         self._gather = []
         for (_, _, values, sources, total), stop in zip(parts, (split, len(key)), strict=True):
-            places = (inverse[start:stop], sources)
-            self._gather.append(csr_array((values, places), shape=(len(unique), total)))
+            places = (inverse[start:stop].astype(np.int32), sources.astype(np.int32))
+            # by columns: element matrices are read in order
+            self._gather.append(csc_array((values, places), shape=(len(unique), total)))
             start = stop
 
     # --- forces and tangent -------------------------------------------------------------------------------------------
@@ -147,7 +153,9 @@ class Assembly:
         return gradient + np.eye(3), gradient
 
     def _stresses(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """F (m, g, 3, 3) and J w P with P = F S; leaves J w S for the tangent."""
+        """F (m, g, 3, 3) and J w P with P = F S; leaves J w S for the tangent. The same array ``u`` again costs nothing."""
+        if self._known is not None and self._known[0] is u:
+            return self._known[1:]
         deformation, gradient = self._kinematics(u)
         # E from the displacement gradient: no difference of nearly equal numbers in thin layers
         strain = 0.5 * (gradient + np.swapaxes(gradient, -1, -2) + np.swapaxes(gradient, -1, -2) @ gradient)
@@ -155,7 +163,8 @@ class Assembly:
         stress = 2.0 * self._mu[:, None, None, None] * strain
         stress[..., [0, 1, 2], [0, 1, 2]] += (self._lambda[:, None] * trace)[..., None]
         self._stress = stress * self._volume[..., None, None]
-        return deformation, deformation @ self._stress
+        self._known = u, deformation, deformation @ self._stress
+        return self._known[1:]
 
     def _internal(self, piola: np.ndarray) -> np.ndarray:
         count = len(piola)
@@ -163,27 +172,32 @@ class Assembly:
         return _scatter(forces, self.bricks, len(self.model.nodes))
 
     def _element_tangent(self, deformation: np.ndarray) -> np.ndarray:
-        """Blocks (m, 20, 6, 20) of the element tangents: node, pair of directions, node.
+        """Blocks (m, 20, 6, 20) of the element tangents: node, pair of directions, node; overwritten by the next call.
 
         The order of axes lets two products of matrices do all the work: (K pair, L) (L, m) a point, (n, g K) (g K, pair m)
-        an element.
+        an element. Some elements at a time, so that what lies between the products stays in the cache.
         """
-        count, points = deformation.shape[:2]
-        lam = (self._lambda[:, None] * self._volume)[..., None, None, None]
-        mu = (self._mu[:, None] * self._volume)[..., None, None, None]
+        for start in range(0, len(deformation), CHUNK):
+            part = slice(start, start + CHUNK)
+            tensor = self._tensor(deformation[part], part)
+            count, points = tensor.shape[:2]
+            half = np.matmul(tensor.reshape(count, points, 18, 3), self._gradient_t[part], out=self._half[:count])
+            np.matmul(self._gradient[part], half.reshape(count, 3 * points, 120), out=self._blocks[part])
+        return self._blocks.reshape(-1, 20, len(PAIRS), 20)
+
+    def _tensor(self, deformation: np.ndarray, part: slice) -> np.ndarray:
+        """J w A_iKjL (m, g, K, pair, L) of some elements."""
+        lam = (self._lambda[part, None] * self._volume[part])[..., None, None, None]
+        mu = (self._mu[part, None] * self._volume[part])[..., None, None, None]
         one, other = deformation[:, :, FIRST], deformation[:, :, SECOND]  # (m, g, pair, 3)
         one_t, other_t = (np.swapaxes(x, -1, -2)[..., None] for x in (one, other))
-        tensor = one_t * other[:, :, None]  # F_iK F_jL in the order K, pair, L
-        tensor *= lam
-        mirrored = one[:, :, None] * other_t  # F_iL F_jK
-        mirrored *= mu
-        tensor += mirrored
+        tensor = one_t * (lam * other[:, :, None])  # F_iK F_jL
+        tensor += (mu * one[:, :, None]) * other_t  # F_iL F_jK
         left = mu[..., 0] * (one * other).sum(axis=-1)[:, :, None]  # mu b_ij
         for k in range(3):
             tensor[:, :, k, :, k] += left[:, :, 0]
-        tensor[:, :, :, :3] += self._stress[:, :, :, None]
-        half = tensor.reshape(count, points, 18, 3) @ self._gradient_t
-        return (self._gradient @ half.reshape(count, 3 * points, 120)).reshape(count, 20, len(PAIRS), 20)
+        tensor[:, :, :, :3] += self._stress[part, :, :, None]
+        return tensor
 
     def _assemble_mass(self) -> np.ndarray:
         """Values of the consistent mass on the tangent's pattern (3 x 3 x 3 points)."""

@@ -644,7 +644,7 @@ class _UniqueKeyLoader(yaml.SafeLoader):
     """Refuses a key that stands twice in a mapping (plain YAML lets the last one win without a word)."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict:
-        keys = [self.construct_object(k, deep=True) for k, _ in node.value]
+        keys = [self.construct_object(k, deep=True) for k, _ in node.value if k.tag != "tag:yaml.org,2002:merge"]
         for k in keys:
             if keys.count(k) > 1:
                 raise yaml.constructor.ConstructorError(None, None, f"key {k!r} stands twice", node.start_mark)

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
-import time
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -16,8 +13,7 @@ from limo.case import study_cases
 from limo.config import load_config
 from limo.cost import duration, plan_costs, schedule
 from limo.engines.find import find_engines
-from limo.errors import ConfigError, LimoError, ResultError
-from limo.files import read_json
+from limo.errors import ConfigError, ResultError
 from limo.plan import make_plan
 
 _AXES = {
@@ -26,6 +22,7 @@ _AXES = {
     "aspect_ratio": "AR",
     "stiffness_ratio": "E_hat",
     "width_scale": "width",
+    "branch": "branch",
 }
 
 
@@ -92,6 +89,7 @@ def study_table(path: Path) -> str:
                 "solver CPU [s]": _number(case, "solver_time", "{:.0f}"),
                 "status": str(case.case_status.values),
             }
+            | _check(case)
         )
     lines = [str(dataset.attrs.get("title", path)), pd.DataFrame(rows).to_string(index=False)]
     for k in range(cases.sizes["case"]):
@@ -102,54 +100,17 @@ def study_table(path: Path) -> str:
     return "\n".join([*lines, *(f"figure: {f}" for f in figures)])
 
 
+def _check(case: xr.Dataset) -> dict[str, str]:
+    """How far a case is from the other engine's, where a study asks for that."""
+    if "check_status" not in case:
+        return {}
+    return {
+        "other engine": str(case.check_status.values) or "-",
+        "stroke differs": _number(case, "check_stroke_difference", "{:.1%}"),
+        "V_v at rest differs": _number(case, "check_rest_difference", "{:+.2%}"),
+    }
+
+
 def _number(case: xr.Dataset | None, name: str, form: str) -> str:
     value = float("nan") if case is None else float(case[name])
     return form.format(value) if np.isfinite(value) else "-"
-
-
-def benchmark_table(results: Path) -> str:
-    """Solver against python time, memory and iterations of every solved case, meshing, and the time of a dry run.
-
-    CPU seconds of the processes from the operating system's accounting; python includes the start of the interpreter.
-    """
-    rows = []
-    for file in sorted(results.glob("cases/*/status.json")):
-        status = read_json(file)
-        solver, python = status["solver_cpu_seconds"], status["python_cpu_seconds"]
-        rows.append(
-            {
-                "case": status["case"],
-                "status": status["status"],
-                "dof": status["degrees_of_freedom"],
-                **{f"it. {stage}": count for stage, count in status["iterations_by_stage"].items()},
-                "s/it.": round(solver / max(status["iterations"], 1), 3),
-                "solver [s]": round(solver, 1),
-                "python [s]": round(python, 1),
-                "python share": f"{python / max(python + solver, 1e-9):.1%}",
-                "memory [MiB]": round(status["solver_memory_mib"]),
-            }
-        )
-    if not rows:
-        raise LimoError(f"{results}: no solved cases; `make sweep` makes some")
-    table = pd.DataFrame(rows)
-    total = table["solver [s]"].sum()
-    meshes = [_job_seconds(f) for f in sorted((results / "benchmarks" / "mesh_device").glob("*.tsv"))]
-    start = time.perf_counter()
-    dry = subprocess.run([sys.executable, "-m", "snakemake", "-n", "--quiet"], capture_output=True, check=False)
-    dry_text = f"{time.perf_counter() - start:.1f} s" if dry.returncode == 0 else "failed"
-    return "\n".join(
-        [
-            table.to_string(index=False),
-            f"solver CPU of all cases: {total:.0f} s; two side by side: at least {total / 120:.1f} min",
-            f"meshing: {', '.join(f'{m:.1f}' for m in meshes) or '-'} s wall each",
-            f"snakemake -n: {dry_text} wall",
-        ]
-    )
-
-
-def _job_seconds(file: Path) -> float:
-    """Wall time in s that Snakemake measured for a job, NaN when there is no such file."""
-    try:
-        return float(pd.read_csv(file, sep="\t")["s"].iloc[-1])
-    except (OSError, ValueError, KeyError):
-        return float("nan")

@@ -3,12 +3,13 @@
 import ast
 import json
 import shutil
+from dataclasses import replace
 
 import pytest
 import yaml
 
 from limo import case as case_module
-from limo.case import Case, all_cases, code_digest, digest, number_label, study_cases
+from limo.case import Case, all_cases, code_digest, cross_checks, digest, number_label, study_cases
 from limo.config import Mesh, MeshLevel, load_config
 
 
@@ -145,6 +146,40 @@ def test_cases_that_studies_share_are_run_once_with_the_frames_of_both(loaded):
     for case in cases.values():
         expected = {*study.frames_for(case.ventricular_pressure), 7.0, case.actuation_pressure_max}
         assert list(case.frames) == sorted(expected)
+
+
+def with_study(loaded, **changes):
+    """The configuration with one study ``s``: that of the default with other values."""
+    study = loaded.studies["pressure_volume"].model_copy(update=changes)
+    made = type(loaded)(loaded.config, loaded.devices, {"s": study}, loaded.files)
+    made.builds = {"calculix": "2.20", "newton": "mkl"}
+    return made
+
+
+def test_the_engine_its_build_and_its_own_numerics_name_a_result(loaded, make_case):
+    case = make_case()
+    newton = replace(case, engine="newton")
+    assert newton.case_id != case.case_id != replace(case, build="other").case_id
+    damped = case.numerics.model_copy(update={"ramp": case.numerics.ramp.model_copy(update={"damping": 1.0e5})})
+    stepped = case.numerics.model_copy(update={"newton": case.numerics.newton.model_copy(update={"load_step": 3.0})})
+    assert replace(case, numerics=damped).case_id != case.case_id == replace(case, numerics=stepped).case_id
+    assert replace(newton, numerics=stepped).case_id != newton.case_id == replace(newton, numerics=damped).case_id
+
+
+def test_branches_are_cases_of_their_own_on_one_mesh(loaded):
+    cases = study_cases(with_study(loaded, branches=3), "s")
+    assert sorted({key[-1] for key in cases}) == [0, 1, 2]
+    assert len({c.case_id for c in cases.values()}) == len(cases) == 12
+    assert len({c.mesh_id for c in cases.values()}) == 4
+    plain = study_cases(with_study(loaded), "s")
+    assert all(cases[key].case_id == case.case_id for key, case in plain.items()), "branch 0 is the case without branches"
+
+
+@pytest.mark.parametrize(("asked", "pouches"), [(0, []), (1, [4]), (2, [4, 10]), (3, [4, 8, 10]), (9, [4, 6, 8, 10])])
+def test_cross_checks_are_spread_over_the_grid_and_solved_by_the_other_engine(loaded, asked, pouches):
+    twins = cross_checks(with_study(loaded, engine="newton", branches=2, cross_check=asked), "s")
+    assert [key[0] for key in twins] == pouches
+    assert {(t.engine, t.build, t.branch) for t in twins.values()} <= {("calculix", "2.20", 0)}
 
 
 # --------------------------------------------------------------------------------------------------------------------

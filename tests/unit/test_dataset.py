@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from limo.case import study_cases
+from limo.case import cross_checks, study_cases
 from limo.config import Loaded, Study
-from limo.dataset import COORDINATES, CURVE_DIMS, STATUSES, VARIABLES, curves, gather_study
+from limo.dataset import CASE_DIMS, COORDINATES, CURVE_DIMS, STATUSES, VARIABLES, curves, gather_study
 from limo.deck import actuation_pressure_at, stage_times
 from limo.errors import ConfigError
 from limo.figures import pressure_volume, style
@@ -302,3 +302,31 @@ def test_measured_curves_keep_gaps_and_refuse_other_tables(tmp_path):
             other.write_bytes(text if isinstance(text, bytes) else text.encode())
         with pytest.raises(ConfigError, match=rf"{name}\.csv"):
             read_measured(other)
+
+
+def test_branches_and_cross_checks_have_their_places(grid, tmp_path):
+    study = grid.studies["grid"].model_copy(update={"branches": 2, "cross_check": 1, "engine": "newton"})
+    both = Loaded(grid.config, grid.devices, {"both": study}, grid.files)
+    twins = cross_checks(both, "both")
+    for case in (*study_cases(both, "both").values(), *twins.values()):
+        target = tmp_path / case.case_id
+        target.mkdir()
+        history = history_of(case)
+        if case.engine == "calculix":  # 10 ml more at rest, and 10 % more stroke
+            start = float(history.ventricle_volume[9])
+            history["ventricle_volume"] = start + 10.0 + 1.1 * (history.ventricle_volume - start)
+        history.to_netcdf(target / "volumes.nc")
+        status = {"status": "converged", "reason": "", "actuation_pressure_reached": case.actuation_pressure_max}
+        write_json(target / "status.json", status)
+    dataset = gather_study(both, "both", tmp_path)
+    assert dataset.sizes["branch"] == 2
+    (place,) = [dict(zip(CASE_DIMS, key, strict=True)) for key in twins]
+    checked = dataset.sel(n_pouches=place["n_pouches"], ventricular_pressure=place["ventricular_pressure"], branch=0).squeeze()
+    assert float(checked.check_stroke_difference) == pytest.approx(0.1 / 1.1, rel=1e-6)
+    assert float(checked.check_rest_difference) == pytest.approx(400 / 410 - 1, rel=1e-6)
+    assert str(checked.check_status.values) == "calculix converged"
+    assert np.isfinite(dataset.check_stroke_difference).sum() == 1
+    figure = pressure_volume.draw(dataset)
+    bands = [c for c in figure.axes[1].collections if type(c).__name__ == "FillBetweenPolyCollection"]
+    assert len(bands) == 6
+    assert [line.get_linestyle() for line in figure.axes[1].lines].count(":") == 2 + 1, "two P_v and one check"

@@ -215,3 +215,18 @@ def test_density_of_the_bricks_carries_the_areal_mass(model_of, quad_areas):
     assert model.density == pytest.approx(8.947e-10, rel=1e-4)
     thickness = model.case.device.material.thickness
     assert model.density * thickness * 1e6 == pytest.approx(170e-6), "tonne a square metre"
+
+
+def test_a_branch_is_a_tiny_perturbation_that_keeps_edges_and_repeats(make_case, device_mesh):
+    mesh = device_mesh("limo", 8, "quarter")
+    plain, one, again, two = (build_model(make_case(branch=b), mesh) for b in (0, 1, 1, 2))
+    assert np.array_equal(one.nodes, again.nodes)
+    assert not np.array_equal(one.nodes, two.nodes)
+    moved = one.mesh.nodes - plain.mesh.nodes
+    held = mesh.on_outer | mesh.on_valve
+    assert not moved[held].any()
+    assert not moved[:, :2].any()
+    assert np.std(moved[~held, 2]) == pytest.approx(0.05 * 0.19, rel=0.1)
+    assert one.prescribed == plain.prescribed
+    thickness = one.nodes[one.expansion.top] - one.nodes[one.expansion.bottom]
+    np.testing.assert_allclose(thickness, [[0, 0, 0.19]] * len(thickness), atol=1e-12)

@@ -119,6 +119,7 @@ def solve(model: Model, solver: Solver, start: np.ndarray | None = None) -> Path
             "equations": run.assembly.size,
             "factorisations": state.factorisations,
             "solutions": state.solutions,
+            "factor_seconds": round(run.solver.seconds, 2),
             "largest_residual": max(run.residuals, default=None),
         },
     )
@@ -147,6 +148,7 @@ class _Run:
         self.pressures: list[float] = []
         self.kept: list[np.ndarray] = []
         self.residuals: list[float] = []
+        self._known: tuple | None = None
 
     def close(self) -> None:
         self.solver.close()
@@ -172,8 +174,7 @@ class _Run:
         for _ in range(settings.iterations):
             if time.monotonic() > self.deadline:
                 raise _StopError("timed_out", f"stopped at P_a = {actuation:g} kPa of the {name} after the time limit")
-            u = self.displacements()
-            inside, pressed = assembly.forces(u, ventricular, actuation)
+            u, inside, pressed = self._forces(ventricular, actuation)
             residual, load = assembly.reduce(pressed - inside), self._load(inside, pressed)
             size = np.linalg.norm(residual)
             if moved is None and self._at_rest(size, load, correction, before):
@@ -212,6 +213,14 @@ class _Run:
         free, shift = self.state.free, self.state.shift
         self.advance(stage, share, ventricular, actuation)
         self.state.free, self.state.shift = free, shift
+
+    def _forces(self, ventricular: float, actuation: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Displacements, f_int and f_p (n, 3) of the state; computed once for a state and its loads."""
+        key = (self.state.free, self.state.prescribed, ventricular, actuation)
+        if self._known is None or self._known[0][0] is not key[0] or self._known[0][1:] != key[1:]:
+            u = self.displacements()
+            self._known = key, (u, *self.assembly.forces(u, ventricular, actuation))
+        return self._known[1]
 
     def _load(self, inside: np.ndarray, pressed: np.ndarray) -> float:
         """What residuals are compared with (N): the pressures on the free displacements, and without any the held forces."""
@@ -257,7 +266,7 @@ class _Run:
         """Further steps with the factor at hand, as long as the residual falls tenfold; returns the last correction."""
         state, assembly = self.state, self.assembly
         while True:
-            inside, pressed = assembly.forces(self.displacements(), ventricular, actuation)
+            _, inside, pressed = self._forces(ventricular, actuation)
             residual = assembly.reduce(pressed - inside)
             now = np.linalg.norm(residual)
             if now > REUSED_WHILE * size or self._at_rest(now, load, correction, before):

@@ -7,6 +7,7 @@ iteration on one pattern lives on. MKL's manual calls the parameters used here `
 from __future__ import annotations
 
 import ctypes
+import time
 from functools import cache
 from importlib.metadata import PackageNotFoundError, files, version
 
@@ -75,6 +76,8 @@ class SymmetricSolver:
         self._handle = np.zeros(64, np.int64)
         self._parameters = np.zeros(64, np.int32)
         self._values = np.zeros(len(indices))
+        #: CPU time (s) of factorisations and solutions
+        self.seconds = 0.0
         for place, value in {
             _CUSTOM: 1,
             _ORDERING: _NESTED_DISSECTION,
@@ -136,6 +139,7 @@ class SymmetricSolver:
         def pointer(array: np.ndarray | None):
             return (empty if array is None else array).ctypes.data_as(ctypes.c_void_p)
 
+        started = time.process_time()
         _library().pardiso(
             pointer(self._handle),
             integer(1),
@@ -154,6 +158,8 @@ class SymmetricSolver:
             pointer(solution),
             ctypes.byref(error),
         )
+        if phase in (_FACTORISE, _SOLVE):
+            self.seconds += time.process_time() - started
         if error.value and error.value not in allowed:
             raise FactorisationError(f"PARDISO: {_ERRORS.get(error.value, 'error')} ({error.value}, phase {phase})")
         return error.value
