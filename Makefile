@@ -12,7 +12,7 @@ export PATH := $(CURDIR)/$(BIN):$(PATH)
 # Set-up is redone when its inputs are newer than the stamp, or when .venv was removed.
 ABSENT := $(if $(wildcard $(BIN)/limo),,absent)
 
-.PHONY: help setup ccx-tuned sweep test lint format benchmark schemas lock clean-setup absent
+.PHONY: help setup ccx-tuned sweep test lint format benchmark performance schemas lock clean-setup absent
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -46,6 +46,18 @@ format: setup ## format Python and Snakemake files in place
 
 benchmark: setup ## print where the time of the solved cases went
 	@$(BIN)/limo benchmark
+
+# What is measured together, and the configuration of it; every batch is resumed where it was stopped.
+BATCHES := levers:config/levers/config.yaml stock:config/levers/stock.yaml grid_preview_calculix:config/grids/preview_calculix.yaml \
+	grid_preview_newton:config/grids/preview_newton.yaml grid_paper_density_newton:config/grids/paper_density_newton.yaml \
+	half_paper_density_newton:config/grids/half_newton.yaml
+
+performance: setup ## measure what everything costs (hours) and write docs/performance.md
+	@set -e; for batch in $(BATCHES); do \
+		OMP_NUM_THREADS=1 $(BIN)/snakemake --cores $(CORES) --config file=$${batch#*:}; \
+		$(BIN)/limo performance record $${batch%%:*} --config $${batch#*:}; \
+	done
+	$(BIN)/limo performance report >docs/performance.md
 
 schemas: setup ## write the schemas of the configuration files
 	@$(BIN)/python -m limo.config workflow/schemas

@@ -31,7 +31,7 @@ def main(arguments: list[str] | None = None) -> int:
     performance = commands.add_parser("performance", help="keep measured costs in a table, and write the report of it")
     doing = performance.add_subparsers(dest="doing", required=True)
     recorded = doing.add_parser("record", help="put the costs of a configuration's solved cases into the table")
-    recorded.add_argument("batch", help="name of the runs that were measured together, for example 'grid preview newton'")
+    recorded.add_argument("batch", help="name of the runs that were measured together, for example levers")
     recorded.add_argument("studies", nargs="*", metavar="STUDY", help="studies (default: those the configuration runs)")
     recorded.add_argument("--config", default="config/config.yaml", help="configuration file (default: %(default)s)")
     recorded.add_argument("--results", type=Path, default=Path("results"), help="folder of results (default: %(default)s)")

@@ -176,7 +176,7 @@ def _grids(rows: pd.DataFrame) -> pd.DataFrame:
 
 def _engines(rows: pd.DataFrame) -> pd.DataFrame:
     grids = {
-        b: of.drop_duplicates(CASE).set_index(CASE) for b, of in rows[rows.batch.str.startswith("grid preview")].groupby("batch")
+        b: of.drop_duplicates(CASE).set_index(CASE) for b, of in rows[rows.batch.str.startswith("grid_preview")].groupby("batch")
     }
     by_engine = {_one(of.engine): of for of in grids.values()}
     if set(by_engine) != {"calculix", "newton"}:
@@ -259,21 +259,21 @@ def _targets(rows: pd.DataFrame) -> pd.DataFrame:
         bound = f"{'at most' if most else 'at least'} {limit:g} {unit}"
         table.append({"target": name, "bound": bound, "measured": "-" if value is None else f"{value:.3g} {unit}", "met": met})
 
-    for batch, limit in (("grid preview calculix", 45), ("grid preview newton", 10), ("grid paper density newton", 120)):
+    for batch, limit in (("grid_preview_calculix", 45), ("grid_preview_newton", 10), ("grid_paper_density_newton", 120)):
         complete = batch in grids.index and grids.loc[batch, "cases"] == 19
-        add(f"{batch}, 19 cases on two cores", grids.loc[batch, "two cores [min]"] if complete else None, limit, "min")
+        add(f"`{batch}`, 19 cases on two cores", grids.loc[batch, "two cores [min]"] if complete else None, limit, "min")
     newton = rows[rows.engine == "newton"]
     for name, of, limit in (
-        ("preview case, newton", newton[newton.batch == "grid preview newton"], 1),
-        ("quarter of the paper's density, newton", newton[newton.batch == "grid paper density newton"], 12),
-        ("half of the paper's density, newton", newton[newton.batch == "half paper density newton"], 30),
+        ("preview case, newton", newton[newton.batch == "grid_preview_newton"], 1),
+        ("quarter of the paper's density, newton", newton[newton.batch == "grid_paper_density_newton"], 12),
+        ("half of the paper's density, newton", newton[newton.batch == "half_paper_density_newton"], 30),
     ):
         add(f"{name}: longest case", of.cpu_seconds.max() / 60 if len(of) else None, limit, "min CPU")
     bare = newton.dropna(subset=["factor_seconds"])
-    for batch in ("grid preview newton", "grid paper density newton"):
+    for batch in ("grid_preview_newton", "grid_paper_density_newton"):
         of = bare[bare.batch == batch]
         value = of.cpu_seconds.sum() / of.factor_seconds.sum() if len(of) else None
-        add(f"{batch}: all over factorise and solve", value, 1.25, "times")
+        add(f"`{batch}`: all over factorise and solve", value, 1.25, "times")
     add("memory, newton", newton.memory_mib.max() / 1024 if len(newton) else None, 2, "GiB")
     whole = _builds(rows)
     if len(whole):

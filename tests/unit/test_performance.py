@@ -66,7 +66,7 @@ def test_the_report_judges_changes_and_targets_by_the_numbers(measured):
     assert len(lines) == 1
     assert "60 times" in lines[0]
     assert lines[0].endswith("yes |")
-    assert "not measured" in next(line for line in text.splitlines() if "grid preview newton, 19" in line)
+    assert "not measured" in next(line for line in text.splitlines() if "`grid_preview_newton`, 19" in line)
 
 
 def test_a_file_that_is_no_table_is_refused(tmp_path):
