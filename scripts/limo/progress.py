@@ -46,7 +46,8 @@ def solving(folder: Path) -> Iterator[None]:
             written = time.monotonic()
 
     with (folder / LOCK).open("a", encoding="utf-8") as lock:
-        _take(lock.fileno(), folder)
+        if not _taken(lock.fileno(), folder):
+            (folder / LOCK).unlink()
         lock.truncate(0)
         lock.write(f"process {os.getpid()} on {socket.gethostname()}\n")
         lock.flush()
@@ -55,16 +56,20 @@ def solving(folder: Path) -> Iterator[None]:
             yield
         finally:
             _listener.reset(token)
-            (folder / LOCK).unlink(missing_ok=True)
+        # only now: a lock that nobody holds tells of a solve that was broken off
+        (folder / LOCK).unlink(missing_ok=True)
 
 
-def _take(handle: int, folder: Path) -> None:
+def _taken(handle: int, folder: Path) -> bool:
+    """Take the lock; False where the file system knows none."""
     for _ in range(_TRIES):
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            return
+            return True
         except BlockingIOError:
             time.sleep(_PAUSE)
+        except OSError:
+            return False
     raise LimoError(f"{folder}: another process is solving this case")
 
 

@@ -77,3 +77,14 @@ def test_the_lock_is_given_back_when_solving_fails(tmp_path):
     with pytest.raises(ZeroDivisionError):
         fail()
     assert solving_since(tmp_path) is None
+
+
+def test_a_case_can_be_solved_where_the_file_system_has_no_locks(tmp_path, monkeypatch):
+    def refuse(*_):
+        raise OSError(95, "Operation not supported")
+
+    monkeypatch.setattr(progress.fcntl, "flock", refuse)
+    with solving(tmp_path):
+        report(iterations=1)
+        assert not (tmp_path / "lock").exists()
+    assert (tmp_path / progress.FILE).exists()
