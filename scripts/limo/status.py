@@ -31,7 +31,8 @@ ENDED = ("converged", "diverged", "timed_out", "crashed")
 FAILED = ("diverged", "timed_out", "crashed", "stale")
 STATUSES = ("running", "waiting", "stale", *ENDED)
 RECENT = 120.0  # s within which files must have grown for a case to run where the file system knows no locks
-_DEVICE = re.compile(r"^\w+?_(?=np\d+_pv)")
+#: what a name begins with before its numbers
+DEVICE = re.compile(r"^\w+?_(?=np\d+_pv)")
 _ITERATION = re.compile(rb"^\s+\d+\s+\d+\s+\d+\s+\d+\s", re.MULTILINE)
 
 
@@ -292,7 +293,7 @@ def short_names(names: Iterable[str]) -> dict[str, str]:
     names = list(names)
 
     def shortened(name: str, parts: int | None) -> str:
-        return "_".join(_DEVICE.sub("", name).split("_")[:parts])
+        return "_".join(DEVICE.sub("", name).split("_")[:parts])
 
     short = {}
     for name in names:
