@@ -25,7 +25,7 @@ LAYERS = {
 }
 BAR = 100.0  # mm
 _MARGIN = 10.0  # mm
-_TEXT = 4.0  # mm
+_TEXT = 3.0  # mm
 
 
 @dataclass(frozen=True)

@@ -71,8 +71,9 @@ def draw_study(loaded: Loaded, name: str, results: Path, meshes: bool = False):
             title += f", {len(mesh.quads)} elements"
         draw_pattern(axis, pattern)
         axis.set_title(title, loc="left")
-    figure.supxlabel("x [mm]", fontsize=9)
-    figure.supylabel("y [mm]", fontsize=9)
+        axis.set_xlabel("x [mm]")
+    for row in axes:
+        row[0].set_ylabel("y [mm]")
     handles = [Line2D([], [], color=color, lw=width, label=label) for label, color, width in _KINDS.values()]
     figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
     figure.suptitle(f"{name}: flat pattern of one face, device {loaded.studies[name].device}", fontsize=9)
