@@ -168,9 +168,12 @@ def run_sweep(sweep: Sweep, config_file: str, studies: Sequence[str], cores: int
     log = sweep.results / LOG
     log.parent.mkdir(parents=True, exist_ok=True)
     command = [sys.executable, "-m", "snakemake", "--cores", str(cores), *studies, *options, "--config", f"file={config_file}"]
+    to.print(f"snakemake runs {', '.join(studies) or 'the studies of the configuration'}; what it says: {log}")
     with log.open("w", encoding="utf-8") as said:
         environment = os.environ | {"OMP_NUM_THREADS": "1"}
-        process = subprocess.Popen(command, stdout=said, stderr=subprocess.STDOUT, env=environment, start_new_session=True)
+        process = subprocess.Popen(
+            command, stdin=subprocess.DEVNULL, stdout=said, stderr=subprocess.STDOUT, env=environment, start_new_session=True
+        )
         try:
             statuses = watch(sweep, to, 2.0, lambda: process.poll() is not None)
         except BaseException:
