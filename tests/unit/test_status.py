@@ -298,3 +298,12 @@ def test_watching_ends_when_it_is_told_and_prints_the_table(sweep):
     assert text.count("  running  ramp, P_a = 15.0") == 1, "the line is not repeated"
     assert text.rstrip().splitlines()[-1].strip().startswith("np")
     assert "4 cases" in text
+
+
+def test_a_terminal_shows_the_table_in_place_and_leaves_the_last_one(sweep):
+    seen = []
+    to = Console(file=io.StringIO(), width=130, height=30, force_terminal=True)
+    watch(sweep, to, 0.01, lambda: len(seen) > 2 or bool(seen.append(1)))
+    text = to.file.getvalue()
+    assert text.count("4 cases") == 5, "four looks in place, and the table that stays"
+    assert "\x1b[1A" in text, "the cursor goes back up"
