@@ -11,25 +11,26 @@ from typing import Any
 from limo.errors import ResultError
 
 
-def write_whole(path: Path, write: Callable[[Path], None]) -> None:
+def write_whole(path: Path, write: Callable[[Path], None], *, durable: bool = True) -> None:
     """Let ``write`` fill a temporary file beside ``path``, then put it in place in one step.
 
-    The temporary name keeps the ending, by which some libraries choose their format.
+    The temporary name keeps the ending, by which some libraries choose their format. ``durable``: not before it is on the disk.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     aside = path.with_name(f".{os.getpid()}.{path.name}")
     try:
         write(aside)
-        with aside.open("rb") as handle:
-            os.fsync(handle.fileno())
+        if durable:
+            with aside.open("rb") as handle:
+                os.fsync(handle.fileno())
         aside.replace(path)
     finally:
         aside.unlink(missing_ok=True)
 
 
-def write_json(path: Path, data: dict[str, Any]) -> None:
+def write_json(path: Path, data: dict[str, Any], *, durable: bool = True) -> None:
     """Write a JSON object as a whole."""
-    write_whole(path, lambda p: p.write_text(json.dumps(data, indent=2) + "\n", encoding="utf-8"))
+    write_whole(path, lambda p: p.write_text(json.dumps(data, indent=2) + "\n", encoding="utf-8"), durable=durable)
 
 
 def read_json(path: Path) -> dict[str, Any]:

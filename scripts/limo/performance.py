@@ -17,12 +17,13 @@ import pandas as pd
 import xarray as xr
 
 from limo.case import Case, study_cases
-from limo.config import Loaded
+from limo.config import Loaded, load_config
 from limo.cost import schedule
 from limo.deck import stage_times
+from limo.engines.find import find_engines
 from limo.errors import LimoError, ResultError
 from limo.files import read_json, write_whole
-from limo.plan import Plan
+from limo.plan import Plan, make_plan
 from limo.solution import ramp_of
 
 #: columns that name a run; a new measurement of the same run takes the place of the old one
@@ -101,6 +102,17 @@ def record(rows: pd.DataFrame, file: Path) -> None:
         before = read_measurements(file)
         rows = pd.concat([before, rows]).drop_duplicates(KEYS, keep="last")
     write_whole(file, lambda path: rows.to_csv(path, index=False))
+
+
+def record_batch(config_file: str, batch: str, studies: list[str], results: Path, file: Path) -> str:
+    """Put the costs of the solved cases of studies (none: those that the configuration runs) into the table; says what it did."""
+    loaded = load_config(config_file)
+    find_engines(loaded, config_file)
+    rows = measurements(loaded, make_plan(loaded, results), batch, studies or loaded.config.studies, results)
+    if rows.empty:
+        raise LimoError(f"{results}: none of the cases is solved; run the studies first")
+    record(rows, file)
+    return f"{len(rows)} cases into {file}"
 
 
 def read_measurements(file: Path) -> pd.DataFrame:

@@ -85,3 +85,19 @@ def test_tables_print(solved, capsys, monkeypatch):
     assert "python share" in capsys.readouterr().out
     assert main(["table", "nowhere.nc"]) == 1
     assert "nowhere.nc" in capsys.readouterr().err
+
+
+def test_cases_are_shown_and_compared(solved, capsys, monkeypatch):
+    monkeypatch.chdir(solved.folder)
+    assert main(["status"]) == 0
+    assert "2 cases, 2 converged" in capsys.readouterr().out
+    assert main(["show", "np4", "pv3.8", "--at", "5", "10", "--picture", "np4.png"]) == 0
+    said = capsys.readouterr().out
+    assert "converged reached P_a = 10 of 10 kPa" in said
+    assert "deck.sta" in said
+    assert (solved.folder / "np4.png").exists()
+    assert main(["compare", "np4", "np8,pv3.8"]) == 0
+    said = capsys.readouterr().out
+    assert said.split("parameters that differ")[1].split("curves")[0].split() == ["a", "b", "n_pouches", "4", "8"]
+    assert main(["clean"]) == 0
+    assert "nothing to delete" in capsys.readouterr().out

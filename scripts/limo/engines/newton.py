@@ -31,6 +31,7 @@ from limo.config import STAGES, Newton, Solver
 from limo.engines import Path, count_stages
 from limo.engines.pardiso import FactorisationError, SymmetricSolver, mkl_version, set_threads
 from limo.model import Model
+from limo.progress import report
 
 log = logging.getLogger(__name__)
 #: shift (1/s^2) beyond which a step is hopeless
@@ -188,6 +189,14 @@ class _Run:
             step, largest = self._step(values, residual, share)
             state.free = state.free + step
             state.iterations[name] += 1
+            report(
+                stage=name,
+                fitted=float(share),
+                actuation_pressure=max(self.pressures, default=0.0),
+                increments=len(self.stages),
+                rejected=state.rejected,
+                iterations=sum(state.iterations.values()),
+            )
             correction = largest
             if moved is not None:
                 state.prescribed, moved = share, None

@@ -41,7 +41,7 @@ def panels(count: int, width: float = 7.5, height: float = 3.0):
 
 
 def save(figure, path: Path) -> None:
-    """Write PNG or PDF by the path's ending, the same bytes for the same figure."""
-    metadata = {"CreationDate": None} if path.suffix == ".pdf" else {"Software": None}
-    figure.savefig(path, metadata=metadata)
+    """Write PNG, PDF or SVG by the path's ending, the same bytes for the same figure."""
+    unsteady = {".pdf": "CreationDate", ".svg": "Date"}.get(path.suffix, "Software")
+    figure.savefig(path, metadata={unsteady: None})
     plt.close(figure)
