@@ -82,6 +82,15 @@ def test_the_stage_is_the_one_that_the_solver_is_in(folder, make_case, share, st
     assert (status.stage, status.actuation_pressure) == (stage, 0.0)
 
 
+def test_a_stage_is_over_where_the_solver_rounds_its_end_down(folder, make_case, loaded):
+    fast = loaded.config.numerics_presets["fast"]
+    case = make_case(numerics=fast.model_copy(update={"fit": fast.fit.model_copy(update={"duration": 1.23456749})}))
+    with solving(folder):
+        begin(folder, case, clock=1.23456749)
+        assert "1.234567E+00" in (folder / "run/deck.sta").read_text()
+        assert case_status(case, folder, PREDICTED).stage == "hold"
+
+
 def test_the_rate_is_that_since_the_process_began(folder, make_case):
     case = make_case()
     with solving(folder):
@@ -263,6 +272,12 @@ def test_the_table_has_a_line_a_case_and_totals(sweep):
     assert "4 cases, 1 running, 1 waiting, 1 stale, 1 converged, about" in text
     assert "process is solving it" in text
     assert max(map(len, printed(table(sweep, statuses), 80).splitlines())) <= 80
+
+
+def test_one_case_that_failed_is_a_failure(sweep):
+    statuses = sweep.look()
+    assert failed(statuses)
+    assert not failed([s for s in statuses if s.status != "stale"])
 
 
 def test_a_low_terminal_shows_what_runs_and_failed(sweep):
