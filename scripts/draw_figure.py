@@ -13,7 +13,7 @@ from limo.files import write_whole
 with logged(snakemake.log[0]):  # noqa: F821
     module = import_module(f"limo.figures.{snakemake.wildcards.figure}")  # noqa: F821
     measured = read_measured(Path(snakemake.input.measured)) if snakemake.input.measured else None  # noqa: F821
-    files = [snakemake.input.dataset, *snakemake.input.shapes]  # noqa: F821
+    files = [snakemake.input.dataset, *([snakemake.input.shapes] if snakemake.input.shapes else [])]  # noqa: F821
     datasets = [xr.load_dataset(file) for file in files]
     figure = module.draw(datasets[0], measured, *datasets[1:])
     for output in snakemake.output:  # noqa: F821

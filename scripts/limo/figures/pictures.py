@@ -106,7 +106,7 @@ def faded(image: np.ndarray) -> np.ndarray:
     return np.round(255 - FADED * (255.0 - image)).astype(np.uint8)
 
 
-def picture(scene: Scene, camera: Camera, length: float, pixels: int = 420) -> np.ndarray:
+def picture(scene: Scene, camera: Camera, length: float, pixels: int = 340) -> np.ndarray:
     """A picture at the scale of a device of ``length`` mm."""
     return render(scene, camera.scaled(length / 140.0), pixels)
 

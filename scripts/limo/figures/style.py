@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from io import BytesIO
 from pathlib import Path
 
 import matplotlib
@@ -9,9 +10,11 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import xarray as xr
+from PIL import Image
 
 #: Okabe-Ito, in the order in which curves take them
 COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#F0E442", "#000000")
+LARGEST_PNG = 1600  # pixels across
 SETTINGS = {
     "axes.grid": True,
     "axes.labelsize": 9,
@@ -84,9 +87,15 @@ def legend(figure, handles: list, notes: list[str], ncols: int) -> None:
 
 
 def save(figure, path: Path) -> None:
-    """Write PNG or PDF by the path's ending, the same bytes for the same figure."""
-    metadata = {"CreationDate": None} if path.suffix == ".pdf" else {"Software": None}
-    figure.savefig(path, metadata=metadata)
+    """Write PNG or PDF by the path's ending, the same bytes for the same figure. A PNG is small enough for a page."""
+    if path.suffix == ".pdf":
+        figure.savefig(path, metadata={"CreationDate": None})
+        return
+    whole = BytesIO()
+    dpi = min(SETTINGS["savefig.dpi"], LARGEST_PNG / figure.get_size_inches()[0])
+    figure.savefig(whole, format="png", dpi=dpi, pil_kwargs={"compress_level": 1})
+    with Image.open(whole) as image:
+        image.convert("RGB").quantize(256, dither=Image.Dither.NONE).save(path, format="png", optimize=True)
 
 
 def close(figure) -> None:
