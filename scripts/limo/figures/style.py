@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from io import BytesIO
 from pathlib import Path
 
 import matplotlib
@@ -10,7 +9,6 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import xarray as xr
-from PIL import Image
 
 #: Okabe-Ito, in the order in which curves take them
 COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#F0E442", "#000000")
@@ -91,11 +89,8 @@ def save(figure, path: Path) -> None:
     if path.suffix == ".pdf":
         figure.savefig(path, metadata={"CreationDate": None})
         return
-    whole = BytesIO()
     dpi = min(SETTINGS["savefig.dpi"], LARGEST_PNG / figure.get_size_inches()[0])
-    figure.savefig(whole, format="png", dpi=dpi, pil_kwargs={"compress_level": 1})
-    with Image.open(whole) as image:
-        image.convert("RGB").quantize(256, dither=Image.Dither.NONE).save(path, format="png", optimize=True)
+    figure.savefig(path, dpi=dpi, metadata={"Software": None}, pil_kwargs={"optimize": True})
 
 
 def close(figure) -> None:
