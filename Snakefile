@@ -6,11 +6,12 @@ from snakemake.exceptions import WorkflowError
 
 sys.path.insert(0, str(Path(workflow.basedir) / "scripts"))
 
-from limo.case import FIELD_CODE, GATHER_CODE, MEASURE_CODE, MESH_CODE, code_digest, digest, solve_code
+from limo.case import FIELD_CODE, GATHER_CODE, MEASURE_CODE, MESH_CODE, SHAPE_CODE, code_digest, digest, solve_code
 from limo.config import load_config
 from limo.cost import plan_costs, ranks
 from limo.engines.find import find_engines
 from limo.errors import LimoError
+from limo.figures import SHAPES, items_of
 from limo.plan import make_plan
 
 CONFIG_FILE = config.get("file", "config/config.yaml")
@@ -38,7 +39,6 @@ wildcard_constraints:
     mesh=r"\w+",
     study="|".join(LOADED.studies),
     figure=r"[a-z_]+",
-    kind="png|pdf",
 
 
 include: "workflow/rules/mesh.smk"

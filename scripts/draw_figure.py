@@ -1,4 +1,4 @@
-"""Draw one figure of a study from its dataset (rule draw_figure)."""
+"""Draw one figure of a study from its dataset and its shapes, in every format (rule draw_figure)."""
 
 from importlib import import_module
 from pathlib import Path
@@ -13,6 +13,9 @@ from limo.files import write_whole
 with logged(snakemake.log[0]):  # noqa: F821
     module = import_module(f"limo.figures.{snakemake.wildcards.figure}")  # noqa: F821
     measured = read_measured(Path(snakemake.input.measured)) if snakemake.input.measured else None  # noqa: F821
-    with xr.open_dataset(snakemake.input.dataset) as dataset:  # noqa: F821
-        figure = module.draw(dataset.load(), measured)
-    write_whole(Path(snakemake.output[0]), lambda path: style.save(figure, path))  # noqa: F821
+    files = [snakemake.input.dataset, *([snakemake.input.shapes] if snakemake.input.shapes else [])]  # noqa: F821
+    datasets = [xr.load_dataset(file) for file in files]
+    figure = module.draw(datasets[0], measured, *datasets[1:])
+    for output in snakemake.output:  # noqa: F821
+        write_whole(Path(output), lambda path: style.save(figure, path))
+    style.close(figure)

@@ -26,6 +26,8 @@ SOLVE_CODE = {
 #: modules whose code decides what is measured of a solved case, and what is drawn of it for ParaView
 FIELD_CODE = ("elements", "kinematics", "mesh", "model", "constitutive", "layer", "zones", "strain", "fatigue")
 MEASURE_CODE = (*FIELD_CODE, "stress", "equilibrium", "buckling", "contact", "measures")
+#: modules whose code decides what shapes of a study are kept for its figures
+SHAPE_CODE = (*FIELD_CODE, "buckling", "contact", "shapes")
 #: modules whose code decides what a study's dataset holds
 GATHER_CODE = ("dataset", "efficiency", "solution", "measures")
 

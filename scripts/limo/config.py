@@ -18,6 +18,7 @@ import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from limo.errors import ConfigError
+from limo.figures import FIGURES, NEEDS, SHAPES
 
 Element = Literal["S8", "S8R", "C3D20", "C3D20R"]
 Engine = Literal["calculix", "newton"]
@@ -28,7 +29,7 @@ Symmetry = Literal["full", "front_back", "quarter"]
 Point = tuple[Annotated[float, Field(ge=0, le=2)], Annotated[float, Field(ge=0, le=1.2)]]
 SplinePoints = Annotated[list[Point], Field(min_length=2)]
 #: rules of the workflow, whose names a study cannot have because it becomes a rule itself
-RULES = ("all", "mesh_device", "solve_case", "measure_case", "write_fields", "gather_study", "draw_figure")
+RULES = ("all", "mesh_device", "solve_case", "measure_case", "write_fields", "gather_study", "gather_shapes", "draw_figure")
 NAME = r"^[A-Za-z][A-Za-z0-9_]*$"
 
 
@@ -476,7 +477,7 @@ class Axes(Section):
         return values
 
 
-Output = Literal["volumes", "stress", "strain", "fatigue", "fields"]
+Output = Literal["volumes", "contact", "stress", "strain", "fatigue", "fields"]
 OUTPUTS = get_args(Output)
 
 
@@ -514,7 +515,8 @@ class Study(Section):
     outputs: list[Output] = Field(
         default=["volumes"],
         min_length=1,
-        description="what is computed for the cases: stress, strain and fatigue at the frames, fields for ParaView at fields_at",
+        description="what is computed for the cases: contact, stress, strain and fatigue at the frames, fields for ParaView at "
+        "fields_at",
         examples=[["volumes", "stress", "strain", "fatigue", "fields"]],
     )
     fields_at: list[float | str] = Field(
@@ -558,7 +560,7 @@ class Study(Section):
 
     def frames_for(self, ventricular_pressure: float) -> list[float]:
         """Pressures of the kept frames (kPa), in order, those beyond P_a,max left out for ``P_v`` expressions."""
-        frames = [*self.frames, *(self.fields_at if self.measures else [])]
+        frames = [*self.frames, *(self.fields_at if self.uses_frames else [])]
         pressures = {self.pressure_of(frame, ventricular_pressure) for frame in frames}
         return sorted(p for p in pressures if p is not None)
 
@@ -567,7 +569,7 @@ class Study(Section):
 
         Nothing is computed from the frames of a study of volumes alone: its ``max`` means the end of whatever case it is.
         """
-        if self.measures:
+        if self.uses_frames:
             return self.frames_for(ventricular_pressure)
         fixed = [f for f in self.frames if not (isinstance(f, str) and FRAME.match(f).group(1) == "max")]
         return sorted({p for p in (self.pressure_of(f, ventricular_pressure) for f in fixed) if p is not None})
@@ -580,6 +582,11 @@ class Study(Section):
             value = ventricular_pressure if base == "P_v" else maximum
             value += float(f"{sign or '+'}{offset or 0}")
         return round(value, 6) if 0 <= value <= maximum else None
+
+    @property
+    def uses_frames(self) -> bool:
+        """Whether something is computed from displacements: an output beyond volumes, or surfaces for a figure."""
+        return bool(self.measures) or any(figure in SHAPES for figure in self.figures)
 
     @property
     def measures(self) -> tuple[str, ...]:
@@ -779,7 +786,6 @@ def _check_study(loaded: Loaded, path: Path, study: Study, cut: set[tuple[str, f
 
     ``cut``: the (device, width_scale, N_p) whose layout other studies have tried; those of this study are added.
     """
-    from limo.figures import FIGURES, NEEDS
     from limo.geometry import flat_pattern
 
     _check_names(path, "device", study.device, loaded.devices)

@@ -15,3 +15,23 @@ rule gather_study:
         "Gather {wildcards.study}"
     script:
         "../../scripts/gather_study.py"
+
+
+rule gather_shapes:
+    input:
+        shape_results,
+    output:
+        "results/studies/{study}/shapes.nc",
+    log:
+        "results/logs/gather_shapes/{study}.log",
+    conda:
+        "../envs/limo.yaml"
+    params:
+        content=study_content,
+        figures=lambda wildcards: items_of(LOADED.studies[wildcards.study].figures),
+        sources=study_sources,
+        code=code_digest(SHAPE_CODE),
+    message:
+        "Gather the shapes of {wildcards.study}"
+    script:
+        "../../scripts/gather_shapes.py"

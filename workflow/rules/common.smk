@@ -29,6 +29,20 @@ def study_results(wildcards):
     return checks + [f"results/cases/{case_id}/{file}" for case_id in PLAN.of_study(name) for file in files]
 
 
+def shape_results(wildcards):
+    """Results of the cases that serve a study from which its figures of surfaces are drawn."""
+    name = wildcards.study
+    files = (
+        "case.json",
+        "volumes.nc",
+        "frames.nc",
+        *(["measures.nc"] if "fatigue" in items_of(LOADED.studies[name].figures) else []),
+    )
+    served = PLAN.of_study(name)
+    meshes = dict.fromkeys(f"results/meshes/{MESH_IDS[case_id]}.vtu" for case_id in served)
+    return [*meshes, *(f"results/cases/{case_id}/{file}" for case_id in served for file in files)]
+
+
 def study_content(wildcards):
     """Digest of what a study's dataset depends on besides results: all its keys but words and figures."""
     content = LOADED.content(wildcards.study)

@@ -1,20 +1,29 @@
 rule draw_figure:
     input:
         dataset="results/studies/{study}/study.nc",
+        shapes=lambda wildcards: f"results/studies/{wildcards.study}/shapes.nc" if wildcards.figure in SHAPES else [],
         measured=lambda wildcards: LOADED.studies[wildcards.study].measured or [],
         style=f"{workflow.basedir}/scripts/limo/figures/style.py",
+        pictures=lambda wildcards: (
+            expand(f"{workflow.basedir}/scripts/limo/figures/{{name}}.py", name=["pictures", "render", "surface"])
+            if wildcards.figure in SHAPES
+            else []
+        ),
         source=f"{workflow.basedir}/scripts/limo/figures/{{figure}}.py",
     output:
         report(
-            "results/studies/{study}/figures/{figure}.{kind}",
+            "results/studies/{study}/figures/{figure}.png",
             caption="../report/{figure}.rst",
             category="{study}",
         ),
+        "results/studies/{study}/figures/{figure}.pdf",
     log:
-        "results/logs/draw_figure/{study}_{figure}_{kind}.log",
+        "results/logs/draw_figure/{study}_{figure}.log",
+    benchmark:
+        "results/benchmarks/draw_figure/{study}_{figure}.tsv"
     conda:
         "../envs/limo.yaml"
     message:
-        "Draw {wildcards.figure} of {wildcards.study} as {wildcards.kind}"
+        "Draw {wildcards.figure} of {wildcards.study}"
     script:
         "../../scripts/draw_figure.py"

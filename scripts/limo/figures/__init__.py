@@ -1,6 +1,39 @@
-"""One module a figure. A module has ``draw(dataset, measured)``, which returns a matplotlib figure."""
+"""One module a figure. A module has ``draw(dataset, measured)``, which returns a matplotlib figure.
+
+A figure in ``SHAPES`` shows surfaces; its ``draw(dataset, measured, shapes)`` takes the study's shapes (``limo.shapes``) too.
+"""
 
 #: figures a study may name
-FIGURES = ("pressure_volume", "strain_life")
+FIGURES = (
+    "pressure_volume",
+    "strain_life",
+    "afterload",
+    "deformation",
+    "kinematics",
+    "von_mises",
+    "cycles",
+    "strain_paths",
+    "buckling",
+    "design",
+)
 #: figures that need an output of their study beyond volumes
-NEEDS = {"strain_life": "fatigue"}
+NEEDS = {"strain_life": "fatigue", "cycles": "fatigue", "afterload": "contact"}
+#: what may be drawn of the shapes of a study (``limo.shapes``): displacements at all of its frames or at the pressures of its
+#: maps, stress, strain amplitudes and lines along v_1 there, and displacements across the largest buckling event
+ITEMS = ("frames", "maps", "von_mises", "fatigue", "lines", "event")
+#: what figures draw of them
+SHAPES = {
+    "deformation": ("frames",),
+    "kinematics": ("frames",),
+    "von_mises": ("maps", "von_mises"),
+    "cycles": ("maps", "fatigue"),
+    "strain_paths": ("maps", "lines"),
+    "buckling": ("maps", "event"),
+    "design": ("maps", "von_mises"),
+}
+
+
+def items_of(figures: list[str]) -> tuple[str, ...]:
+    """What some figures together draw beyond curves, of ``ITEMS``."""
+    asked = {item for figure in figures for item in SHAPES.get(figure, ())}
+    return tuple(item for item in ITEMS if item in asked)

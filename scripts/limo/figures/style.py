@@ -8,9 +8,11 @@ import matplotlib
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
+import xarray as xr
 
 #: Okabe-Ito, in the order in which curves take them
 COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#F0E442", "#000000")
+LARGEST_PNG = 1600  # pixels across
 SETTINGS = {
     "axes.grid": True,
     "axes.labelsize": 9,
@@ -40,8 +42,57 @@ def panels(count: int, width: float = 7.5, height: float = 3.0):
     return figure, list(axes[0])
 
 
+def two_rows(upper: int, lower: int, width: float, height: float):
+    """Two rows of panels with letters running on; sizes in inches. Returns the figure and the axes of both."""
+    plt.rcParams.update(SETTINGS)
+    figure = plt.figure(figsize=(width, height), layout="constrained")
+    figure.get_layout_engine().set(w_pad=0.08)
+    parts = figure.subfigures(2, 1)
+    above, below = (part.subplots(1, n, squeeze=False)[0] for part, n in zip(parts, (upper, lower), strict=True))
+    for letter, axis in zip("abcdefghijkl", (*above, *below), strict=False):
+        axis.set_title(f"({letter})", loc="left")
+    return figure, list(above), list(below)
+
+
+def stacked(width: float, *heights: float):
+    """A figure in parts one below the other; sizes in inches. Returns the figure and its parts."""
+    plt.rcParams.update(SETTINGS)
+    figure = plt.figure(figsize=(width, sum(heights)), layout="constrained")
+    return figure, *figure.subfigures(len(heights), 1, height_ratios=heights)
+
+
+def gaps(dataset: xr.Dataset, most: int = 5) -> list[str]:
+    """What stands under a figure of the cases that failed: each with its reason, the first ``most`` of them."""
+    dims = list(dataset.case_status.dims)
+    cases = dataset[["case_id", "case_status", "case_reason"]].stack(case=dims) if dims else dataset.expand_dims("case")
+    failed = [cases.isel(case=k) for k in range(cases.sizes["case"]) if str(cases.case_status.values[k]) != "converged"]
+    lines = [f"{case.case_id.values}: {case.case_status.values}, {case.case_reason.values}" for case in failed[:most]]
+    return lines + ([f"and {len(failed) - most} more"] if len(failed) > most else [])
+
+
+def legend(figure, handles: list, notes: list[str], ncols: int) -> None:
+    """A legend below all panels, with ``notes`` in small print above it."""
+    figure.legend(
+        handles=handles,
+        loc="outside lower center",
+        ncols=ncols,
+        title="\n".join(notes) or None,
+        title_fontsize=5.5,
+        fontsize=7.5,
+        handlelength=1.6,
+        columnspacing=1.3,
+    )
+
+
 def save(figure, path: Path) -> None:
-    """Write PNG, PDF or SVG by the path's ending, the same bytes for the same figure."""
-    unsteady = {".pdf": "CreationDate", ".svg": "Date"}.get(path.suffix, "Software")
-    figure.savefig(path, metadata={unsteady: None})
+    """Write PNG, PDF or SVG by the path's ending, the same bytes for the same figure. A PNG is small enough for a page."""
+    if unsteady := {".pdf": "CreationDate", ".svg": "Date"}.get(path.suffix):
+        figure.savefig(path, metadata={unsteady: None})
+        return
+    dpi = min(SETTINGS["savefig.dpi"], LARGEST_PNG / figure.get_size_inches()[0])
+    figure.savefig(path, dpi=dpi, metadata={"Software": None}, pil_kwargs={"optimize": True})
+
+
+def close(figure) -> None:
+    """Forget a figure that has been written."""
     plt.close(figure)

@@ -1,0 +1,83 @@
+"""Afterload figure: volumes, efficiency and ratio over pouches and ventricular pressures (paper, Fig. afterload)."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+from matplotlib.lines import Line2D
+
+from limo.figures import style
+
+#: colours of the ventricular pressures, from low to high, and what is left of a line where layers would touch
+COLORS = ("#E69F00", "#D55E00", "#7B3294", "#0072B2", "#009E73")
+FADED = 0.35
+
+
+def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
+    """Above: (a) Delta V_a, (b) Delta V_v, (c) efficiency at 90 ml; below the ratio, a panel for each P_v.
+
+    Lines are thicker for more pouches; beyond the first stored frame in which front and back would touch they are lighter.
+    """
+    rest = {d: 0 for d in dataset.case_status.dims if d not in ("n_pouches", "ventricular_pressure")}
+    dataset = dataset.isel(rest)
+    pressures = dataset.ventricular_pressure.values
+    figure, upper, lower = style.two_rows(3, max(3, len(pressures)), 7.5, 5.2)
+    for j, p_v in enumerate(pressures):
+        for k, n_pouches in enumerate(dataset.n_pouches.values):
+            case = dataset.sel(ventricular_pressure=p_v, n_pouches=n_pouches)
+            color, width = COLORS[j % len(COLORS)], _width(k)
+            _curve(upper[0], case, "actuation_volume_change", color, width)
+            _curve(upper[1], case, "stroke_volume", color, width)
+            for other, axis in enumerate(lower[: len(pressures)]):
+                _curve(
+                    axis, case, "io_ratio", color if other == j else "0.85", width if other == j else 0.7, 2 if other == j else 1
+                )
+    _bars(upper[2], dataset)
+    xlim = (0, float(dataset.actuation_pressure.max()))
+    upper[0].set(xlabel="$P_a$ [kPa]", ylabel="Actuation volume $\\Delta V_a$ [ml]", xlim=xlim)
+    upper[1].set(xlabel="$P_a$ [kPa]", ylabel="Stroke volume $\\Delta V_v$ [ml]", xlim=xlim)
+    ratio = dataset.io_ratio.values[np.isfinite(dataset.io_ratio.values)]
+    top = max(2.0, 1.1 * np.quantile(ratio, 0.98)) if len(ratio) else 2.0
+    for axis, p_v in zip(lower, pressures, strict=False):
+        axis.axhline(1.0, color="0.5", lw=0.8, ls="--", zorder=0)
+        axis.set(xlabel="$P_a$ [kPa]", xlim=xlim, ylim=(0, top))
+        axis.set_title(f"$P_v$ = {p_v:g} kPa", fontsize=9)
+    for axis in lower[len(pressures) :]:
+        axis.set_visible(False)
+    lower[0].set_ylabel("Ratio $\\Delta V_v / \\Delta V_a$ [-]")
+    handles = [Line2D([], [], color=COLORS[j % len(COLORS)], label=f"$P_v$ = {p:g} kPa") for j, p in enumerate(pressures)]
+    handles += [Line2D([], [], color="0.4", lw=_width(k), label=f"$N_p$ = {n}") for k, n in enumerate(dataset.n_pouches.values)]
+    style.legend(figure, handles, style.gaps(dataset), min(len(handles), 7))
+    return figure
+
+
+def _width(k: int) -> float:
+    return 0.8 + 0.55 * k
+
+
+def _curve(axis, case: xr.Dataset, name: str, color: str, width: float, zorder: int = 2) -> None:
+    """A curve, dashed for a case that failed, lighter from the pressure on at which front and back would touch."""
+    pressure, values = case.actuation_pressure.values, case[name].values
+    touching = float(case.contact_front_back) if "contact_front_back" in case else np.nan
+    clear = pressure <= touching if np.isfinite(touching) else np.full(len(pressure), True)
+    line = "-" if str(case.case_status.values) == "converged" else "--"
+    axis.plot(pressure[clear], values[clear], line, color=color, lw=width, zorder=zorder)
+    light = ~clear
+    light[:-1] |= light[1:]  # so that the two parts meet
+    if (~clear).any():
+        axis.plot(pressure[light], values[light], line, color=color, lw=width, alpha=FADED, zorder=zorder)
+
+
+def _bars(axis, dataset: xr.Dataset) -> None:
+    """Efficiency at 90 ml, a group of bars for each number of pouches; a cross where a case does not reach 90 ml."""
+    pouches, pressures = dataset.n_pouches.values, dataset.ventricular_pressure.values
+    width = 0.8 / len(pressures)
+    for j, p_v in enumerate(pressures):
+        at = np.arange(len(pouches)) + (j - (len(pressures) - 1) / 2) * width
+        eta = 100 * dataset.efficiency_90ml.sel(ventricular_pressure=p_v).values
+        axis.bar(at, np.nan_to_num(eta), width=0.9 * width, color=COLORS[j % len(COLORS)])
+        axis.plot(at[~np.isfinite(eta)], np.full((~np.isfinite(eta)).sum(), 2.0), "x", ms=4, color=COLORS[j % len(COLORS)])
+    axis.set_xticks(np.arange(len(pouches)), [f"{n}" for n in pouches])
+    axis.set(xlabel="Pouches $N_p$", ylabel="Efficiency at 90 ml $\\eta$ [%]", ylim=(0, 100))
+    axis.grid(axis="x", visible=False)

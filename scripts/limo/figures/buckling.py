@@ -1,0 +1,88 @@
+"""Buckling figure: the largest jump of the stroke volume and what moves in it, front and back (paper, Fig. buckling)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from limo.buckling import displacement_difference
+from limo.figures import pictures, style
+from limo.figures.render import Scale, Scene
+from limo.figures.surface import facets
+
+WINDOW = 4.0  # kPa shown on either side of a jump
+
+
+def draw(dataset: xr.Dataset, measured: pd.DataFrame | None, shapes: xr.Dataset):
+    """Rows are cases; (a) stroke volume around the jump, (b) front and (c) back coloured with the difference across it."""
+    _, _, cases = pictures.case_grid(shapes, "n_pouches")
+    cases = [case for line in cases for case in line]
+    grid = pictures.Grid(width=2.0, left=3.5)
+    figure, axes = pictures.picture_figure(len(cases), 2, grid)
+    curves = [pictures.beside(figure, axis, 0.7, 2.5) for axis in axes[:, 0]]
+    scale = Scale("viridis", 0.0, pictures.rounded_up(_largest(shapes)))
+    for axis, row, case in zip(curves, axes, cases, strict=True):
+        _curve(axis, pictures.study_case(dataset, case), case)
+        images, reason = _both_sides(case, scale), pictures.empty_reason(dataset, case, "no jump in the stroke volume")
+        for panel, image, title in zip(row, images, ("(b) front", "(c) back"), strict=True):
+            pictures.show(panel, image, reason)
+            panel.set_title(title, loc="left")
+        if len(cases) > 1:
+            axis.text(0.03, 0.97, pictures.names(case, pictures.varying(shapes)), transform=axis.transAxes, va="top")
+    pictures.colour_bar(figure, scale, r"Displacement difference $\Vert u(P_{a,c+}) - u(P_{a,c-}) \Vert / L$ [-]", extend="max")
+    return figure
+
+
+def _curve(axis, curves: xr.Dataset, case: xr.Dataset) -> None:
+    """The stroke volume around the jump, whose ends are marked; all of it, small, in the corner."""
+    pressure, stroke = curves.actuation_pressure.values, curves.stroke_volume.values
+    if not np.isfinite(stroke).any():
+        axis.set_visible(False)
+        return
+    before, after = case.event_pressure.values.astype(float)
+    axis.set_title("(a)", loc="left")
+    axis.set(xlabel="Actuation pressure $P_a$ [kPa]", ylabel="Stroke volume $\\Delta V_v$ [ml]")
+    axis.plot(pressure, stroke, color=style.COLORS[0])
+    if not np.isfinite(before):
+        return
+    ends = np.interp([before, after], pressure, stroke)
+    near = (pressure >= before - WINDOW) & (pressure <= after + WINDOW) & np.isfinite(stroke)
+    margin = 0.08 * np.ptp(stroke[near])
+    axis.set(xlim=(before - WINDOW, after + WINDOW), ylim=(stroke[near].min() - margin, stroke[near].max() + margin))
+    for x, y, name in ((before, ends[0], "-"), (after, ends[1], "+")):
+        axis.plot(x, y, "o", ms=4.5, color=style.COLORS[1])
+        text = f"$P_{{a,c{name}}}$ = {x:.4g} kPa"
+        axis.annotate(text, (x, y), xytext=(-6, 4), textcoords="offset points", ha="right", va="bottom", fontsize=7)
+    inset = axis.inset_axes((0.62, 0.1, 0.36, 0.3))
+    inset.plot(pressure, stroke, color=style.COLORS[0], lw=0.9)
+    inset.axvspan(before - WINDOW, after + WINDOW, color=style.COLORS[1], alpha=0.25, lw=0)
+    inset.tick_params(labelsize=5, length=2, pad=1)
+    inset.grid(False)
+
+
+def _difference(case: xr.Dataset) -> np.ndarray:
+    before, after = case.event_displacement.values
+    return displacement_difference(before, after, float(case.device_length))
+
+
+def _both_sides(case: xr.Dataset, scale: Scale) -> tuple[np.ndarray | None, np.ndarray | None]:
+    """Front and back of the device after the jump; None without one."""
+    if not np.isfinite(case.event_pressure.values).all():
+        return None, None
+    surface = pictures.device(case, case.event_displacement.values[1], _difference(case))
+    if surface is None:
+        return None, None
+    scene, length = Scene().add(facets(surface), scale=scale), float(case.device_length)
+    views = (pictures.DEFORMED, replace(pictures.DEFORMED, back=True))
+    front, back = (pictures.picture(scene, view, length, 560) for view in views)
+    return front, back
+
+
+def _largest(shapes: xr.Dataset) -> float:
+    """What 99 % of the points of all cases do not exceed of the difference, over L."""
+    difference = shapes.event_displacement.isel(end=1) - shapes.event_displacement.isel(end=0)
+    size = np.linalg.norm(difference.transpose(..., "axis").values, axis=-1) / pictures.length_of(shapes)
+    return float(np.nanquantile(size, 0.99)) if np.isfinite(size).any() else 1.0

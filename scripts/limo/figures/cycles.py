@@ -1,0 +1,53 @@
+"""Fatigue map: expected number of cycles near seams, on the flat and on the deformed device (paper, Fig. fatigue)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from limo.config import Fatigue
+from limo.fatigue import cycles_to_failure
+from limo.figures import pictures
+from limo.figures.render import Scale, Scene
+from limo.figures.surface import Facets, facets
+
+
+def cycles_of(amplitude: np.ndarray, distance: np.ndarray, fatigue: Fatigue) -> np.ndarray:
+    """N_f (p,) of strain amplitudes (p,), the end of the curve in the endurance range, NaN away from seams (mm)."""
+    cycles, _ = cycles_to_failure(np.maximum(amplitude, 0.0), fatigue)
+    cycles = np.where(np.isfinite(cycles), cycles, fatigue.endurance_cycles.value)
+    return np.where((distance <= fatigue.seam_distance.value + 1e-6) & np.isfinite(amplitude), cycles, np.nan)
+
+
+def draw(dataset: xr.Dataset, measured: pd.DataFrame | None, shapes: xr.Dataset):
+    """Rows P_v, columns N_p (or what varies); each panel: on the flat device left, on the deformed one right."""
+    fatigue = Fatigue.model_validate_json(dataset.attrs["fatigue"])
+    amplitude = shapes.fatigue_amplitude.values
+    largest = np.nanmax(amplitude) if np.isfinite(amplitude).any() else 1.0
+    shortest = cycles_to_failure(np.array([largest]), fatigue)[0][0]
+    last = fatigue.endurance_cycles.value
+    low = 10 ** np.floor(np.log10(shortest)) if np.isfinite(shortest) else 1.0
+    scale = Scale("plasma", float(np.clip(low, 1.0, last / 10)), last, log=True)
+
+    def both(case: xr.Dataset) -> tuple[np.ndarray, np.ndarray] | None:
+        frame = pictures.last_frame(case)
+        if frame is None:
+            return None
+        distance = case.seam_distance.isel(mesh=int(case.mesh_number)).values
+        values = np.column_stack([case.fatigue_amplitude.values, distance])
+        surface = pictures.device(case, case.displacement.values[frame], values)
+        length = float(case.device_length)
+
+        def image(found: Facets, camera) -> np.ndarray:
+            found = replace(found, values=cycles_of(*found.values.T, fatigue))
+            return pictures.picture(Scene().add(found, scale=scale), camera, length)
+
+        return image(pictures.flat_facets(surface), pictures.REFERENCE), image(facets(surface), pictures.DEFORMED)
+
+    figure = pictures.pair_grid(dataset, shapes, both)
+    text = f"Expected cycles $N_f$ [-] near seams; grey: more than {fatigue.seam_distance.value:g} mm from a seam, not estimated"
+    pictures.colour_bar(figure, scale, text, extend="max")
+    return figure
