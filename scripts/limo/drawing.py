@@ -39,6 +39,7 @@ def draw_studies(config_file: str, studies: Sequence[str], results: Path, kind: 
         figure = draw_study(loaded, name, results, meshes)
         files.append(results / "patterns" / f"{name}.{kind}")
         write_whole(files[-1], lambda path, figure=figure: style.save(figure, path))
+        style.close(figure)
     return files
 
 

@@ -224,6 +224,7 @@ def draw_case(results: Path, words: Sequence[str], file: Path | None = None) -> 
     if file.suffix not in (".png", ".pdf", ".svg"):
         raise LimoError(f"{file}: expected a name that ends in .png, .pdf or .svg")
     write_whole(file, lambda path: style.save(figure, path))
+    style.close(figure)
     return file
 
 
