@@ -21,7 +21,7 @@ from scipy.sparse import csc_array
 from limo.elements import HEX20_BOTTOM, HEX20_TOP, gauss, hex20_shape, quad8_shape
 from limo.errors import ResultError
 from limo.kinematics import lame
-from limo.model import KPA, Model, reduction
+from limo.model import KPA, Model, reduction, scatter
 
 #: the six blocks of a symmetric tangent by direction, (i, j) with i <= j
 PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
@@ -40,7 +40,7 @@ class Assembly:
         self.model = model
         shell = model.expansion
         self.bricks = shell.bricks
-        local, weights = gauss(2 if model.case.mesh.element.endswith("R") else 3, 3)
+        local, weights = gauss(model.gauss_points, 3)
         _, slopes = hex20_shape(local)
         jacobian = np.einsum("gnd,mnk->mgkd", slopes, shell.nodes[shell.bricks])
         count, points = len(shell.bricks), len(local)
@@ -53,6 +53,7 @@ class Assembly:
         self._faces = _Faces(model)
         self._blocks = np.empty((count, 20, 120))
         self._half = np.empty((min(count, CHUNK), points, 18, 20))
+        self._placed: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
         self._known: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
         self._constrain()
         self._plan()
@@ -123,37 +124,33 @@ class Assembly:
         _, piola = self._stresses(u)
         return self._internal(piola), self._faces.forces(u, ventricular, actuation)
 
-    def linearise(
-        self, u: np.ndarray, ventricular: float, actuation: float, moved: np.ndarray | None = None
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray | None]:
-        """f_int, f_p (n, 3), the values of the tangent, and the forces (n, 3) that it gives to displacements ``moved``."""
-        deformation, piola = self._stresses(u)
+    def tangent(self, u: np.ndarray, ventricular: float, actuation: float) -> np.ndarray:
+        """Values of K on the pattern at displacements (n, 3) in mm and pressures in kPa."""
+        deformation, _ = self._stresses(u)
         blocks = self._element_tangent(deformation)
-        faces = self._faces
-        pressed, tilted = faces.linearise(u, ventricular, actuation)
-        values = self._gather[0] @ blocks.ravel() + self._gather[1] @ tilted.ravel()
-        answer = None if moved is None else _multiply(blocks, self.bricks, moved)
-        return self._internal(piola), pressed, values, answer
+        return self._gather[0] @ blocks.ravel() + self._gather[1] @ self._faces.tangent(u, ventricular, actuation).ravel()
 
-    def strain_energy(self, u: np.ndarray) -> float:
-        """Strain energy in N mm of the part that is modelled."""
-        deformation, _ = self._kinematics(u)
-        strain = 0.5 * (np.swapaxes(deformation, -1, -2) @ deformation - np.eye(3))
-        trace = np.trace(strain, axis1=-2, axis2=-1)
-        density = 0.5 * self._lambda[:, None] * trace**2 + self._mu[:, None] * (strain**2).sum(axis=(-1, -2))
-        return float((density * self._volume).sum())
+    def drag(self, moved: np.ndarray) -> np.ndarray:
+        """Internal forces (n, 3) that the last tangent gives to displacements ``moved`` (n, 3), prescribed ones included."""
+        return _multiply(self._blocks.reshape(-1, 20, len(PAIRS), 20), self.bricks, moved)
 
     def smallest_volume(self, u: np.ndarray) -> float:
         """Smallest det F of all integration points; none positive means elements turned inside out."""
         return float(np.linalg.det(self._kinematics(u)[0]).min())
 
     def _kinematics(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """F and Grad u (m, g, 3, 3). The same array ``u`` again costs nothing, here and below."""
+        if self._placed is None or self._placed[0] is not u:
+            self._placed = u, *self._gradients(u)
+        return self._placed[1:]
+
+    def _gradients(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         moved = np.ascontiguousarray(u[self.bricks].transpose(0, 2, 1))  # (m, 3, 20)
         gradient = (moved @ self._gradient).reshape(len(moved), 3, self._points, 3).transpose(0, 2, 1, 3)
         return gradient + np.eye(3), gradient
 
     def _stresses(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """F (m, g, 3, 3) and J w P with P = F S; leaves J w S for the tangent. The same array ``u`` again costs nothing."""
+        """F (m, g, 3, 3) and J w P with P = F S; leaves J w S for the tangent."""
         if self._known is not None and self._known[0] is u:
             return self._known[1:]
         deformation, gradient = self._kinematics(u)
@@ -169,7 +166,7 @@ class Assembly:
     def _internal(self, piola: np.ndarray) -> np.ndarray:
         count = len(piola)
         forces = self._gradient @ np.ascontiguousarray(piola.transpose(0, 1, 3, 2)).reshape(count, 3 * self._points, 3)
-        return _scatter(forces, self.bricks, len(self.model.nodes))
+        return scatter(forces, self.bricks, len(self.model.nodes))
 
     def _element_tangent(self, deformation: np.ndarray) -> np.ndarray:
         """Blocks (m, 20, 6, 20) of the element tangents: node, pair of directions, node; overwritten by the next call.
@@ -225,7 +222,7 @@ class _Faces:
             weights.append(np.tile([sign * KPA * load.ventricular, sign * KPA * load.actuation], (len(load.quads), 1)))
         self.nodes = np.vstack(nodes)
         self._weights = np.vstack(weights)
-        local, self._rule = gauss(2 if model.case.mesh.element.endswith("R") else 3, 2)
+        local, self._rule = gauss(model.gauss_points, 2)
         self._values, slopes = quad8_shape(local)
         self._slopes = [np.ascontiguousarray(slopes[:, :, d]) for d in range(2)]
         self._rest = shell.nodes
@@ -238,14 +235,12 @@ class _Faces:
 
     def forces(self, u: np.ndarray, ventricular: float, actuation: float) -> np.ndarray:
         """f_p (n, 3): int N p (x_,1 x x_,2) dxi, pushing into the face."""
-        return self._push(*self._tangents(u), self._weights @ (ventricular, actuation))
+        first, second = self._tangents(u)
+        normal = np.cross(first, second) * (self._weights @ (ventricular, actuation))[:, None, None]
+        return scatter((self._values * self._rule[:, None]).T @ normal, self.nodes, self._count)
 
-    def _push(self, first: np.ndarray, second: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-        normal = np.cross(first, second) * pressure[:, None, None]
-        return _scatter((self._values * self._rule[:, None]).T @ normal, self.nodes, self._count)
-
-    def linearise(self, u: np.ndarray, ventricular: float, actuation: float) -> tuple[np.ndarray, np.ndarray]:
-        """f_p and the symmetric part of -df_p/du: blocks (f, 8, 3, 8) of the directions (0, 1), (0, 2), (1, 2).
+    def tangent(self, u: np.ndarray, ventricular: float, actuation: float) -> np.ndarray:
+        """The symmetric part of -df_p/du: blocks (f, 8, 3, 8) of the directions (0, 1), (0, 2), (1, 2).
 
         -df_p,ni / du_mj = -p eps_ijk A^k_nm with A^k_nm = int N_n (dN_m/dxi_1 x_,2 - dN_m/dxi_2 x_,1)_k dxi.
         """
@@ -256,7 +251,7 @@ class _Faces:
         turned = turned.reshape(-1, 3, 8, 8)
         skew = 0.5 * (turned - np.swapaxes(turned, -1, -2)) * -pressure[:, None, None, None]
         # eps_012 = 1, eps_021 = -1, eps_120 = 1
-        return self._push(first, second, pressure), np.stack([skew[:, 2], -skew[:, 1], skew[:, 0]], axis=2)
+        return np.stack([skew[:, 2], -skew[:, 1], skew[:, 0]], axis=2)
 
 
 def _entries(
@@ -295,10 +290,4 @@ def _multiply(blocks: np.ndarray, nodes: np.ndarray, moved: np.ndarray) -> np.nd
         forces[..., i] += (blocks[:, :, k] @ local[..., j, None])[..., 0]
         if i != j:
             forces[..., j] += (np.swapaxes(blocks[:, :, k], -1, -2) @ local[..., i, None])[..., 0]
-    return _scatter(forces, nodes, len(moved))
-
-
-def _scatter(forces: np.ndarray, nodes: np.ndarray, count: int) -> np.ndarray:
-    """Sum of element forces (m, k, 3) at nodes (m, k) -> (count, 3)."""
-    index = nodes.ravel()
-    return np.stack([np.bincount(index, forces[..., d].ravel(), minlength=count) for d in range(3)], axis=1)
+    return scatter(forces, nodes, len(moved))

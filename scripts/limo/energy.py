@@ -33,7 +33,6 @@ def conjugate_volumes(model: Model, displacements: np.ndarray) -> tuple[float, f
 def stored_energy(model: Model, displacements: np.ndarray) -> float:
     """Strain energy of the full device in mJ (N mm), with the quadrature of the model's element."""
     material = model.case.device.material
-    points = 2 if model.case.mesh.element.endswith("R") else 3
     expansion = model.expansion
     energy = strain_energy(
         expansion.nodes,
@@ -41,7 +40,7 @@ def stored_energy(model: Model, displacements: np.ndarray) -> float:
         displacements[: len(expansion.nodes)],
         model.youngs_modulus,
         material.poisson_ratio,
-        points,
+        model.gauss_points,
     )
     return model.mesh.copies * energy
 

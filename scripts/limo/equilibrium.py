@@ -19,13 +19,7 @@ import numpy as np
 
 from limo.elements import HEX20_BOTTOM, HEX20_TOP, gauss, hex20_shape, quad8_shape
 from limo.layer import LayerState, layer_state
-from limo.model import KPA, Model, reduction
-
-
-def _scatter(forces: np.ndarray, bricks: np.ndarray, count: int) -> np.ndarray:
-    """Sum of element forces (m, k, 3) at nodes (m, k) -> (count, 3)."""
-    index = bricks.ravel()
-    return np.stack([np.bincount(index, forces[..., d].ravel(), minlength=count) for d in range(3)], axis=1)
+from limo.model import KPA, Model, reduction, scatter
 
 
 def internal_forces(model: Model, displacements: np.ndarray, source: object = "frame") -> np.ndarray:
@@ -33,7 +27,7 @@ def internal_forces(model: Model, displacements: np.ndarray, source: object = "f
 
     C3D20R and S8R have 2 x 2 x 2 points, C3D20 and S8 have 3 x 3 x 3. ``displacements`` (n, 3) in mm.
     """
-    local, weights = gauss(2 if model.case.mesh.element.endswith("R") else 3, 3)
+    local, weights = gauss(model.gauss_points, 3)
     state: LayerState = layer_state(model, displacements, local, source)
     shell = model.expansion
     _, slopes = hex20_shape(local)
@@ -42,7 +36,7 @@ def internal_forces(model: Model, displacements: np.ndarray, source: object = "f
     volume = np.linalg.det(jacobian) * weights
     first_piola = state.deformation @ state.second_piola * volume[..., None, None]
     forces = np.einsum("mgik,mgnk->mni", first_piola, gradient, optimize=True)
-    return _scatter(forces, shell.bricks, len(model.nodes))
+    return scatter(forces, shell.bricks, len(model.nodes))
 
 
 def pressure_forces(model: Model, displacements: np.ndarray, actuation_pressure: float) -> np.ndarray:
@@ -52,7 +46,7 @@ def pressure_forces(model: Model, displacements: np.ndarray, actuation_pressure:
     """
     shell = model.expansion
     x = shell.nodes + displacements[: len(shell.nodes)]
-    local, weights = gauss(2 if model.case.mesh.element.endswith("R") else 3, 2)
+    local, weights = gauss(model.gauss_points, 2)
     values, slopes = quad8_shape(local)
     total = np.zeros((len(model.nodes), 3))
     for load in model.pressures:
@@ -63,7 +57,7 @@ def pressure_forces(model: Model, displacements: np.ndarray, actuation_pressure:
         tangents = np.einsum("gnd,mnk->mgdk", slopes, x[numbers])
         normal = np.cross(tangents[:, :, 0], tangents[:, :, 1])
         forces = sign * value * np.einsum("gn,mgk,g->mnk", values, normal, weights)
-        total += _scatter(forces, numbers, len(total))
+        total += scatter(forces, numbers, len(total))
     return total
 
 
@@ -76,7 +70,7 @@ def mass_forces(model: Model, field: np.ndarray) -> np.ndarray:
     volume = np.linalg.det(jacobian) * weights
     at_points = np.einsum("gn,mnk->mgk", values, field[shell.bricks])
     forces = model.density * np.einsum("gn,mgk,mg->mnk", values, at_points, volume, optimize=True)
-    return _scatter(forces, shell.bricks, len(model.nodes))
+    return scatter(forces, shell.bricks, len(model.nodes))
 
 
 def through_thickness(model: Model, forces: np.ndarray) -> np.ndarray:

@@ -104,6 +104,11 @@ class Model:
         return self.case.mesh.element.startswith("S8")
 
     @property
+    def gauss_points(self) -> int:
+        """Gauss points a direction: 2 in C3D20R and S8R, 3 in C3D20 and S8; CalculiX gives the loaded faces as many."""
+        return 2 if self.case.mesh.element.endswith("R") else 3
+
+    @property
     def youngs_modulus(self) -> np.ndarray:
         """Young's modulus (m,) in MPa of every element: E, on the endocardium of the pouches E_hat E."""
         ratio = np.where(self.mesh.layer == LAYERS.index("endo"), self.case.stiffness_ratio, 1.0)
@@ -205,6 +210,12 @@ def build_model(case: Case, mesh: DeviceMesh, *, like_shells: bool | None = None
             equations += [Equation(((low, d, 1.0), (high, d, signs[d]))) for d in range(3) if (low, d) not in taken]
     nodes = np.vstack([expansion.nodes, *references]) if references else expansion.nodes
     return Model(case, mesh, expansion, nodes, len(expansion.nodes), prescribed, tuple(fixed), tuple(equations), loads)
+
+
+def scatter(forces: np.ndarray, nodes: np.ndarray, count: int) -> np.ndarray:
+    """Sum of element forces (m, k, 3) at nodes (m, k) -> (count, 3)."""
+    index = nodes.ravel()
+    return np.stack([np.bincount(index, forces[..., d].ravel(), minlength=count) for d in range(3)], axis=1)
 
 
 def reduction(model: Model) -> csr_array:

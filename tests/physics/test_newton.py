@@ -45,7 +45,7 @@ def solved(model: Model) -> tuple[newton.Path, np.ndarray]:
 def negative_pivots(model: Model, displacements: np.ndarray, ventricular: float, actuation: float) -> int:
     assembly = Assembly(model)
     solver = SymmetricSolver(assembly.indptr, assembly.indices)
-    count = solver.factorise(assembly.linearise(displacements, ventricular, actuation)[2])
+    count = solver.factorise(assembly.tangent(displacements, ventricular, actuation))
     solver.close()
     return count
 

@@ -98,6 +98,7 @@ def solve(model: Model, solver: Solver, start: np.ndarray | None = None) -> Path
     except FactorisationError as error:
         status, reason = "diverged", str(error)
     finally:
+        memory = run.solver.memory
         run.close()
     state = run.state
     return Path(
@@ -121,6 +122,7 @@ def solve(model: Model, solver: Solver, start: np.ndarray | None = None) -> Path
             "factorisations": state.factorisations,
             "solutions": state.solutions,
             "factor_seconds": round(run.solver.seconds, 2),
+            "factor_memory_mib": round(memory),
             "largest_residual": max(run.residuals, default=None),
         },
     )
@@ -149,6 +151,7 @@ class _Run:
         self.pressures: list[float] = []
         self.kept: list[np.ndarray] = []
         self.residuals: list[float] = []
+        self._placed: tuple[np.ndarray, float, np.ndarray] | None = None
         self._known: tuple | None = None
 
     def close(self) -> None:
@@ -161,16 +164,21 @@ class _Run:
         self.state.free = self.assembly.gather_free(whole)
 
     def displacements(self, free: np.ndarray | None = None, prescribed: float | None = None) -> np.ndarray:
-        """Displacements (n, 3) of the state, or with other free and another share of the prescribed ones."""
+        """Displacements (n, 3) of the state, or with other free and another share of the prescribed ones.
+
+        Asked again for the same, it returns the same array, by which the assembly knows what it has computed.
+        """
         free = self.state.free if free is None else free
         prescribed = self.state.prescribed if prescribed is None else prescribed
-        return self.assembly.expand(free) + prescribed * self.assembly.prescribed
+        if self._placed is None or self._placed[0] is not free or self._placed[1] != prescribed:
+            self._placed = free, prescribed, self.assembly.expand(free) + prescribed * self.assembly.prescribed
+        return self._placed[2]
 
     def advance(self, stage: int, share: float, ventricular: float, actuation: float) -> None:
         """Bring the device to rest at a share of the prescribed displacements and at pressures in kPa."""
         name = STAGES[stage]
         state, assembly, settings = self.state, self.assembly, self.settings
-        before, correction = state.free.copy(), np.inf
+        before, correction = state.free, np.inf
         moved = (share - state.prescribed) * assembly.prescribed if share != state.prescribed else None
         for _ in range(settings.iterations):
             if time.monotonic() > self.deadline:
@@ -182,12 +190,11 @@ class _Run:
                 if assembly.smallest_volume(u) <= 0:
                     raise _StopError("diverged", f"elements turned inside out at P_a = {actuation:g} kPa of the {name}")
                 break
-            _, _, values, dragged = assembly.linearise(u, ventricular, actuation, moved)
+            values = assembly.tangent(u, ventricular, actuation)
             if moved is not None:
                 # the edges move with this step: what they drag along is part of its right side
-                residual = residual - assembly.reduce(dragged)
-            step, largest = self._step(values, residual, share)
-            state.free = state.free + step
+                residual = residual - assembly.reduce(assembly.drag(moved))
+            state.free, largest = self._step(values, residual, share)
             state.iterations[name] += 1
             report(
                 stage=name,
@@ -225,11 +232,10 @@ class _Run:
 
     def _forces(self, ventricular: float, actuation: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Displacements, f_int and f_p (n, 3) of the state; computed once for a state and its loads."""
-        key = (self.state.free, self.state.prescribed, ventricular, actuation)
-        if self._known is None or self._known[0][0] is not key[0] or self._known[0][1:] != key[1:]:
-            u = self.displacements()
-            self._known = key, (u, *self.assembly.forces(u, ventricular, actuation))
-        return self._known[1]
+        u = self.displacements()
+        if self._known is None or self._known[0] is not u or self._known[3:] != (ventricular, actuation):
+            self._known = u, *self.assembly.forces(u, ventricular, actuation), ventricular, actuation
+        return self._known[:3]
 
     def _load(self, inside: np.ndarray, pressed: np.ndarray) -> float:
         """What residuals are compared with (N): the pressures on the free displacements, and without any the held forces."""
@@ -246,7 +252,7 @@ class _Run:
         return quiet and self.state.shift <= settings.smallest_shift
 
     def _step(self, values: np.ndarray, residual: np.ndarray, share: float) -> tuple[np.ndarray, float]:
-        """The step of the shifted system, cut to ``largest_step``, and its largest displacement before that.
+        """Free displacements after a step of the shifted system cut to ``largest_step``, and its size (mm) before that.
 
         The shift is raised until the matrix is positive, the step no leap, and no element turned inside out by it.
         """
@@ -259,9 +265,9 @@ class _Run:
                 state.solutions += 1
                 largest = np.abs(step).max()
                 if largest <= self.rejected:
-                    step = min(1.0, self.largest / max(largest, TINY)) * step
-                    if self.assembly.smallest_volume(self.displacements(state.free + step, share)) > SMALLEST_VOLUME:
-                        return step, largest
+                    free = state.free + min(1.0, self.largest / max(largest, TINY)) * step
+                    if self.assembly.smallest_volume(self.displacements(free, share)) > SMALLEST_VOLUME:
+                        return free, largest
             state.rejected += 1
             state.shift *= self.settings.shift_growth
             if state.shift > LARGEST_SHIFT:
