@@ -3,6 +3,7 @@
 import sys
 
 from snakemake.exceptions import WorkflowError
+from snakemake.logging import logger
 
 sys.path.insert(0, str(Path(workflow.basedir) / "scripts"))
 
@@ -11,7 +12,7 @@ from limo.config import load_config
 from limo.cost import plan_costs, ranks
 from limo.engines.find import find_engines
 from limo.errors import LimoError
-from limo.figures import SHAPES, items_of
+from limo.figures import SHAPES, items_of, renderer_lacks
 from limo.plan import make_plan
 
 CONFIG_FILE = config.get("file", "config/config.yaml")
@@ -24,6 +25,9 @@ except LimoError as error:
 PLAN = make_plan(LOADED)
 COSTS = plan_costs(PLAN)
 MESH_IDS = {name: case.mesh_id for name, case in PLAN.cases.items()}
+RENDERER_LACKS = renderer_lacks()
+if RENDERER_LACKS and workflow.is_main_process:
+    logger.warning(f"Figures of surfaces are left out: {RENDERER_LACKS}")
 MESHES = {MESH_IDS[name]: case for name, case in PLAN.cases.items()}
 # what decides no result, such as paths and limits of time: scripts find it here, where no change re-runs them
 config["file"] = CONFIG_FILE

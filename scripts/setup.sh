@@ -141,6 +141,20 @@ install_gmsh_libraries() {
         fail "gmsh does not start; see .local/setup.log"
 }
 
+# --- What renders surfaces without a display --------------------------------------------------------------------------
+
+renders() { "$VENV/bin/python" -c 'import sys; from limo.figures import renderer_lacks; sys.exit(bool(renderer_lacks()))' 2>>"$LOG"; }
+
+install_renderer() {
+    local packages
+    renders && return
+    packages=$("$VENV/bin/python" -c 'from limo.figures import RENDERER_PACKAGES; print(RENDERER_PACKAGES)')
+    say "installing what renders surfaces"
+    # shellcheck disable=SC2086
+    system_install $packages || true
+    renders || say "without figures of surfaces: they need the system's packages $packages"
+}
+
 # ----------------------------------------------------------------------------------------------------------------------
 
 mkdir -p "$LOCAL"
@@ -152,5 +166,6 @@ make_venv
 install_packages
 install_ccx
 install_gmsh_libraries
+install_renderer
 say "done: .venv, $(find_ccx)"
 bash scripts/ccx/build.sh || say "without a tuned CalculiX: the one above solves"

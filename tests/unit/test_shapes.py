@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 from dataclasses import replace
 from importlib import import_module
 from io import BytesIO
@@ -223,7 +224,7 @@ def test_rendering_without_the_system_library_says_what_to_install(monkeypatch):
         raise OSError(f"{name}: cannot open shared object file")
 
     monkeypatch.setenv("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
-    monkeypatch.setattr(render.ctypes, "CDLL", missing)
+    monkeypatch.setattr(ctypes, "CDLL", missing)
     with pytest.raises(render.LimoError, match="libegl1"):
         render.render(Scene(), Camera())
 

@@ -24,6 +24,34 @@ def test_default_configuration_plans_one_solve_and_mesh_a_device(tmp_path):
     }
 
 
+WITHOUT_EGL = """
+import ctypes
+
+load = ctypes.CDLL
+
+
+def refuse(name, *arguments, **options):
+    if name == "libEGL.so.1":
+        raise OSError(f"{name}: cannot open shared object file")
+    return load(name, *arguments, **options)
+
+
+ctypes.CDLL = refuse
+"""
+
+
+def test_figures_of_surfaces_wait_for_what_renders_them(tmp_path, monkeypatch):
+    project = Project(tmp_path)
+    shutil.copytree(ROOT / "config", tmp_path / "config")
+    (tmp_path / "sitecustomize.py").write_text(WITHOUT_EGL)
+    monkeypatch.setenv("PYTHONPATH", f"{tmp_path}:{os.environ.get('PYTHONPATH', '')}")
+    planned = project.planned("pressure_volume")
+    assert planned["draw_figure"] == 1
+    assert "gather_shapes" not in planned
+    done = project.snakemake("-n", "pressure_volume")
+    assert (done.stdout + done.stderr).count("install the system's packages libegl1") == 1
+
+
 def test_a_new_study_file_is_all_a_new_study_takes(project):
     text = (project.folder / "config/studies/tiny.yaml").read_text().replace("3.8", "5.0")
     (project.folder / "config/studies/mine.yaml").write_text(text)

@@ -3,6 +3,9 @@
 A figure in ``SHAPES`` shows surfaces; its ``draw(dataset, measured, shapes)`` takes the study's shapes (``limo.shapes``) too.
 """
 
+import ctypes
+import os
+
 #: figures a study may name
 FIGURES = (
     "pressure_volume",
@@ -31,6 +34,20 @@ SHAPES = {
     "buckling": ("maps", "event"),
     "design": ("maps", "von_mises"),
 }
+
+
+#: what a window without a display needs of the system, as Debian and Ubuntu call it
+RENDERER_PACKAGES = "libegl1 libgl1-mesa-dri"
+
+
+def renderer_lacks() -> str:
+    """Why the figures in ``SHAPES`` cannot be drawn on this machine and what to install, or nothing."""
+    if os.environ.get("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow") == "vtkEGLRenderWindow":
+        try:
+            ctypes.CDLL("libEGL.so.1")
+        except OSError as error:
+            return f"surfaces cannot be rendered ({error}): install the system's packages {RENDERER_PACKAGES}"
+    return ""
 
 
 def items_of(figures: list[str]) -> tuple[str, ...]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import os
 from dataclasses import dataclass, field, replace
 from functools import cache
@@ -11,10 +10,9 @@ import matplotlib
 import numpy as np
 
 from limo.errors import LimoError
+from limo.figures import renderer_lacks
 from limo.figures.surface import Facets
 
-#: what a window without a display needs of the system, as Debian and Ubuntu call it
-PACKAGES = "libegl1 libgl1-mesa-dri"
 BORDER, PLAIN, UNKNOWN, LINE_WIDTH = "#202020", "#d5dbe0", "#c4c4c4", 2.4
 NEARER = 0.6  # mm by which lines are drawn nearer than the surface they lie on, so that it does not swallow them
 SAMPLES = 2  # pixels rendered along a side of one in the picture, whose mean it is
@@ -123,11 +121,8 @@ def _plotter(width: int, height: int):
 def _pyvista():
     """pyvista, set to render without a display. Raises ``LimoError`` where the system's libraries for that are missing."""
     os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
-    if os.environ["VTK_DEFAULT_OPENGL_WINDOW"] == "vtkEGLRenderWindow":
-        try:
-            ctypes.CDLL("libEGL.so.1")
-        except OSError as error:
-            raise LimoError(f"surfaces cannot be rendered ({error}): install the system's packages {PACKAGES}") from None
+    if lacking := renderer_lacks():
+        raise LimoError(lacking)
     import pyvista
 
     return pyvista
