@@ -17,7 +17,7 @@ from limo.cost import duration
 from limo.errors import LimoError, ResultError
 from limo.files import read_json
 from limo.progress import solving_since
-from limo.solution import ramp_of
+from limo.solution import read_ramp
 from limo.status import DEVICE, CaseStatus, case_status, ended_status, number, read_ended, short_names
 
 _LISTED = 12  # cases that an error names
@@ -113,13 +113,12 @@ class CaseFolder:
     def ramp(self) -> xr.Dataset | None:
         """The ramp from the state at rest, with stroke and actuation volume (ml) beside the volumes; None without one."""
         try:
-            with xr.open_dataset(self.folder / "volumes.nc") as opened:
-                ramp = ramp_of(opened.load())
+            ramp = read_ramp(self.folder)
             if not ramp.sizes["increment"]:
                 return None
             ventricle, actuation = ramp.ventricle_volume, ramp.actuation_volume
             return ramp.assign(stroke_volume=ventricle[0] - ventricle, actuation_volume_change=actuation - actuation[0])
-        except (OSError, ValueError, KeyError, AttributeError):
+        except (ResultError, AttributeError):
             return None
 
     def at(self, name: str, pressures: np.ndarray) -> np.ndarray:

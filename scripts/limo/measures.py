@@ -28,7 +28,7 @@ from limo.files import write_whole
 from limo.layer import SIDES, flat_areas, flat_points, inside_out, layer_state, surface_points
 from limo.mesh import read_mesh
 from limo.model import Model, build_model
-from limo.solution import ramp_of
+from limo.solution import read_ramp
 from limo.strain import DEVICE_SIDES, area_of_side, directions, inplane_angle, membrane_principal, side_values
 from limo.stress import area_quantile, summarise, top_average
 from limo.zones import ZONES, distances, zone_of
@@ -293,11 +293,7 @@ def _contact(values: dict, model: Model, frames: CaseFrames) -> None:
 
 
 def _buckling(values: dict, model: Model, frames: CaseFrames, folder: Path) -> dict:
-    try:
-        with xr.open_dataset(folder / "volumes.nc") as history:
-            ramp = ramp_of(history.load())
-    except (OSError, ValueError, KeyError) as error:
-        raise ResultError(f"{folder / 'volumes.nc'}: not the volumes of a case ({error})") from None
+    ramp = read_ramp(folder)
     volume = ramp.ventricle_volume.values
     found = events(ramp.actuation_pressure.values, volume[:1] - volume)
     differences = {}

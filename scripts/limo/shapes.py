@@ -27,7 +27,7 @@ from limo.layer import inside_out, layer_state, nodal, surface_points
 from limo.measures import CaseFrames, open_case
 from limo.mesh import DeviceMesh
 from limo.model import Model
-from limo.solution import ramp_of
+from limo.solution import read_ramp
 from limo.strain import DEVICE_SIDES, streamlines
 from limo.zones import distances
 
@@ -272,11 +272,7 @@ def _event(model: Model, frames: CaseFrames, node: np.ndarray, maximum: float) -
         "event_jump": np.array(np.nan),
         "event_displacement": np.full((2, len(node), 3), np.nan),
     }
-    try:
-        with xr.open_dataset(frames.file.with_name("volumes.nc")) as history:
-            ramp = ramp_of(history.load())
-    except (OSError, ValueError, KeyError) as error:
-        raise ResultError(f"{frames.file.with_name('volumes.nc')}: not the volumes of a case ({error})") from None
+    ramp = read_ramp(frames.file.parent)
     volume = ramp.ventricle_volume.values
     jumps = events(ramp.actuation_pressure.values, volume[:1] - volume)
     for event in sorted((e for e in jumps if e.after <= maximum + 1e-6), key=lambda e: -abs(e.jump)):

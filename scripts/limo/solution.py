@@ -261,6 +261,16 @@ def ramp_of(history: xr.Dataset) -> xr.Dataset:
     return history.isel(increment=np.concatenate([at_rest[-1:], ramp]))
 
 
+def read_ramp(folder: Path) -> xr.Dataset:
+    """The ramp in a case's ``volumes.nc``. Raises ``ResultError`` for a file that is missing, damaged or of something else."""
+    file = folder / "volumes.nc"
+    try:
+        with xr.open_dataset(file) as history:
+            return ramp_of(history.load())
+    except (OSError, ValueError, KeyError, AttributeError) as error:
+        raise ResultError(f"{file}: not the volumes of a case ({error})") from None
+
+
 def _rest(history: xr.Dataset, tolerance: float) -> dict:
     """Whether the device rested: relative change of V_v over the second half of the hold."""
     held = history.isel(increment=history.stage.values == STAGES.index("hold"))

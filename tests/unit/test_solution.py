@@ -11,9 +11,10 @@ from limo.config import Solver
 from limo.deck import stage_times
 from limo.energy import stored_energy
 from limo.engines import calculix
+from limo.errors import ResultError
 from limo.mesh import write_mesh
 from limo.model import build_model
-from limo.solution import solve_case
+from limo.solution import read_ramp, solve_case
 from limo.volumes import volumes
 
 FRAMES = (0.0, 20.0, 60.0)
@@ -155,6 +156,21 @@ def test_energy_balance_spans_the_kept_frames(solved):
     parts = status["actuation_work_mj"] + status["ventricular_work_mj"] - status["strain_energy_change_mj"]
     assert status["dissipated_mj"] == pytest.approx(parts, abs=1e-3)
     assert (status["energy_from_kpa"], status["energy_to_kpa"]) == pytest.approx((0.0, 60.0))
+
+
+def test_a_ramp_starts_at_rest_and_files_without_one_are_result_errors(tmp_path):
+    file = tmp_path / "volumes.nc"
+    stages = {"stage": ("increment", [0, 1, 1, 2, 2])}
+    xr.Dataset(coords=stages | {"actuation_pressure": ("increment", [0.0, 0.0, 0.0, 30.0, 60.0])}).to_netcdf(file)
+    assert list(read_ramp(tmp_path).actuation_pressure) == [0.0, 30.0, 60.0]
+    whole = file.read_bytes()
+    xr.Dataset({"ventricle_volume": ("increment", [400.0])}).to_netcdf(tmp_path / "other.nc")
+    for content in (whole[: len(whole) // 2], b"", (tmp_path / "other.nc").read_bytes()):
+        file.write_bytes(content)
+        with pytest.raises(ResultError, match=r"volumes\.nc: not the volumes"):
+            read_ramp(tmp_path)
+    with pytest.raises(ResultError, match=r"volumes\.nc: not the volumes"):
+        read_ramp(tmp_path / "absent")
 
 
 def test_motion_is_exact_for_a_constant_acceleration_over_unequal_increments():
