@@ -27,7 +27,7 @@ SOLVE_CODE = {
 FIELD_CODE = ("elements", "kinematics", "mesh", "model", "constitutive", "layer", "zones", "strain", "fatigue")
 MEASURE_CODE = (*FIELD_CODE, "stress", "equilibrium", "buckling", "contact", "measures")
 #: modules whose code decides what shapes of a study are kept for its figures
-SHAPE_CODE = (*MEASURE_CODE, "solution", "shapes")
+SHAPE_CODE = (*MEASURE_CODE, "solution", "dataset", "shapes")
 #: modules whose code decides what a study's dataset holds
 GATHER_CODE = ("dataset", "efficiency", "solution", "measures")
 

@@ -15,7 +15,7 @@ import xarray as xr
 
 from limo import __version__
 from limo.case import Case, cross_checks, study_cases
-from limo.config import Loaded
+from limo.config import Loaded, Study
 from limo.efficiency import efficiency_at_stroke, io_ratio
 from limo.errors import ResultError
 from limo.files import read_json
@@ -171,11 +171,13 @@ def gather_study(loaded: Loaded, name: str, case_folder: Path, sources: Sequence
         dataset = dataset.merge(measured).assign_attrs(measured.attrs)
     for coordinate, (units, long_name) in COORDINATES.items():
         dataset[coordinate].attrs = {"units": units, "long_name": long_name}
-    if axes.width_scale is None:
-        dataset = dataset.isel(width_scale=0)
-    if study.branches == 1:
-        dataset = dataset.isel(branch=0)
-    return dataset
+    return on_axes(dataset, study)
+
+
+def on_axes(dataset: xr.Dataset, study: Study) -> xr.Dataset:
+    """The same without the dimensions ``width_scale`` and ``branch`` where the study does not vary them."""
+    fixed = {"width_scale": study.axes.width_scale is None, "branch": study.branches == 1}
+    return dataset.isel({dim: 0 for dim, one in fixed.items() if one})
 
 
 def _gather_checks(dataset: xr.Dataset, twins: dict[tuple, Case], source: dict[tuple, str], case_folder: Path) -> xr.Dataset:

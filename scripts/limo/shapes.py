@@ -19,7 +19,7 @@ from limo.buckling import events
 from limo.case import Case, study_cases
 from limo.config import Loaded, Study
 from limo.contact import front_through_back
-from limo.dataset import CASE_DIMS
+from limo.dataset import CASE_DIMS, on_axes
 from limo.errors import LimoError, ResultError
 from limo.figures import items_of
 from limo.files import read_json
@@ -132,11 +132,7 @@ def gather_shapes(
     dataset = xr.Dataset(
         variables, coords=coords, attrs=attributes | {"config": json.dumps(loaded.content(name), sort_keys=True)}
     )
-    if study.axes.width_scale is None:
-        dataset = dataset.isel(width_scale=0)
-    if study.branches == 1:
-        dataset = dataset.isel(branch=0)
-    return dataset
+    return on_axes(dataset, study)
 
 
 def write_shapes(dataset: xr.Dataset, path: Path) -> None:
