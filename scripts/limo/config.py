@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 import re
 import sys
+from collections.abc import Iterable
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
@@ -625,6 +626,12 @@ class Loaded:
     def __init__(self, config: Config, devices: dict[str, Device], studies: dict[str, Study], files: dict[str, Path]):
         self.config, self.devices, self.studies, self.files = config, devices, studies, files
         self.builds: dict[str, str] = {}
+
+    def require(self, names: Iterable[str], file: object, example: str) -> None:
+        """Raise ``ConfigError`` for the first of ``names`` that is no study of ``file``; ``example`` is a command that works."""
+        for name in names:
+            if name not in self.studies:
+                raise ConfigError(file, "STUDY", name, f"one of: {', '.join(self.studies)}", example)
 
     def mesh_of(self, study: Study) -> Mesh:
         """The mesh a study uses."""

@@ -32,10 +32,9 @@ def draw_studies(config_file: str, studies: Sequence[str], results: Path, kind: 
     ``meshes``: with the mesh of one layer, which is made where it is not there yet.
     """
     loaded = load_config(config_file)
+    loaded.require(studies, config_file, "limo check --draw afterload")
     files = []
     for name in studies or loaded.studies:
-        if name not in loaded.studies:
-            raise ConfigError(config_file, "STUDY", name, f"one of: {', '.join(loaded.studies)}", "limo check --draw afterload")
         figure = draw_study(loaded, name, results, meshes)
         files.append(results / "patterns" / f"{name}.{kind}")
         write_whole(files[-1], lambda path, figure=figure: style.save(figure, path))

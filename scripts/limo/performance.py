@@ -107,6 +107,7 @@ def record(rows: pd.DataFrame, file: Path) -> None:
 def record_batch(config_file: str, batch: str, studies: list[str], results: Path, file: Path) -> str:
     """Put the costs of the solved cases of studies (none: those that the configuration runs) into the table; says what it did."""
     loaded = load_config(config_file)
+    loaded.require(studies, config_file, "limo performance record levers base --config config/levers/config.yaml")
     find_engines(loaded, config_file)
     rows = measurements(loaded, make_plan(loaded, results), batch, studies or loaded.config.studies, results)
     if rows.empty:

@@ -22,7 +22,7 @@ from limo.cost import predict, schedule, seconds_left, share_done
 from limo.deck import actuation_pressure_at, stage_times
 from limo.engines.calculix import JOB, read_sta
 from limo.engines.find import find_engines
-from limo.errors import ConfigError, ResultError
+from limo.errors import ResultError
 from limo.files import read_json
 from limo.plan import Plan, Solved, holds, make_plan
 from limo.progress import FILE, LOCK, solving_since
@@ -100,9 +100,7 @@ class Sweep:
 def open_sweep(config_file: str, studies: Sequence[str], results: Path, cores: int) -> Sweep:
     """The sweep of some studies (none: those that the configuration runs). Raises ``ConfigError`` for one that is not there."""
     loaded = load_config(config_file)
-    for name in studies:
-        if name not in loaded.studies:
-            raise ConfigError(config_file, "STUDY", name, f"one of: {', '.join(loaded.studies)}", "limo status pressure_volume")
+    loaded.require(studies, config_file, "limo status pressure_volume")
     find_engines(loaded, config_file)
     return Sweep(loaded, make_plan(loaded, results), studies or loaded.config.studies, results, cores)
 

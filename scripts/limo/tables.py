@@ -13,7 +13,7 @@ from limo.case import study_cases
 from limo.config import load_config
 from limo.cost import duration, plan_costs, schedule
 from limo.engines.find import find_engines
-from limo.errors import ConfigError, ResultError
+from limo.errors import ResultError
 from limo.plan import make_plan
 
 _AXES = {
@@ -34,9 +34,7 @@ def plan_table(config_file: str, names: Sequence[str], results: Path, cores: int
     """
     loaded = load_config(config_file)
     find_engines(loaded, config_file)
-    for name in names:
-        if name not in loaded.studies:
-            raise ConfigError(config_file, "STUDY", name, f"one of: {', '.join(loaded.studies)}", "limo check pressure_volume")
+    loaded.require(names, config_file, "limo check pressure_volume")
     plan = make_plan(loaded, results)
     costs = plan_costs(plan)
     lines = [f"{config_file}: valid; {', '.join(f'{engine} {build}' for engine, build in sorted(loaded.builds.items()))}"]

@@ -57,7 +57,9 @@ def test_exit_codes_tell_mistakes_from_misuse(project, capsys):
         main(["nonsense"])
     assert caught.value.code == 2
     assert main(["show", "np4"]) == 1
-    assert main(["status", "nowhere"]) == 1
+    for command in (["status"], ["sweep"], ["performance", "record", "levers"]):
+        assert main([*command, "nowhere"]) == 1
+        assert "STUDY = 'nowhere': expected one of: afterload" in capsys.readouterr().err
     assert main(["pattern", "limo", "5"]) == 1
 
 
