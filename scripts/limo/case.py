@@ -214,17 +214,6 @@ def cross_checks(loaded: Loaded, name: str) -> dict[tuple, Case]:
     return {keys[k]: replace(cases[keys[k]], **change) for k in places}
 
 
-def all_cases(loaded: Loaded) -> dict[str, Case]:
-    """Every distinct case of every study by its id, with the frames of all studies that share it."""
-    cases: dict[str, Case] = {}
-    for name in loaded.studies:
-        for case in study_cases(loaded, name).values():
-            case_id = case.case_id
-            frames = {*case.frames, *(cases[case_id].frames if case_id in cases else ())}
-            cases[case_id] = replace(case, frames=tuple(sorted(frames)))
-    return cases
-
-
 @dataclass(frozen=True)
 class Wanted:
     """What all studies together want of a case: pressures (kPa) of its frames by output.

@@ -27,11 +27,6 @@ SURFACES = ("bottom", "middle", "top")
 HEIGHTS = {"bottom": -1.0, "middle": 0.0, "top": 1.0}
 
 
-def integration_points() -> np.ndarray:
-    """Local points (8, 3) of C3D20R in CalculiX's order (first coordinate fastest)."""
-    return gauss(2, 3)[0]
-
-
 def surface_points() -> np.ndarray:
     """Local points (12, 3): the 2 x 2 Gauss points on the bottom, then on the middle, then on the top surface."""
     flat, _ = gauss(2, 2)

@@ -29,6 +29,7 @@ from limo.mesh import DeviceMesh
 from limo.model import Model
 from limo.solution import read_ramp
 from limo.strain import DEVICE_SIDES, streamlines
+from limo.stress import von_mises_map
 from limo.zones import distances
 
 _LEVELS = 32000  # steps of a packed variable on either side of zero
@@ -213,8 +214,7 @@ def _case_values(
         values["frame_contact"][k] = len(front_through_back(mesh, mesh.nodes + middle)) > 0
         values["displacement"][k] = middle[node]
         if "von_mises" in items:
-            stress = inside_out(mesh, layer_state(model, u, surface_points(), frames.file).von_mises)
-            values["von_mises"][k] = nodal(mesh, stress.max(axis=1))[0]
+            values["von_mises"][k] = nodal(mesh, von_mises_map(model, u, frames.file).max(axis=1))[0]
         last = u if last is None or pressure >= np.nanmax(values["frame_pressure"][: k + 1]) - 1e-6 else last
     if last is None:
         raise ResultError(f"{frames.file}: none of the frames that the figures draw")

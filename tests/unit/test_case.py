@@ -9,8 +9,9 @@ import pytest
 import yaml
 
 from limo import case as case_module
-from limo.case import Case, all_cases, code_digest, cross_checks, digest, number_label, study_cases
+from limo.case import Case, code_digest, cross_checks, digest, number_label, study_cases
 from limo.config import Mesh, MeshLevel, load_config
+from limo.plan import make_plan
 
 
 def device_with(case, part, **changes):
@@ -95,7 +96,8 @@ def test_order_of_keys_and_comments_do_not_rename_a_case(root, loaded, tmp_path)
     shutil.copytree(root / "config", tmp_path / "config")
     for file in (tmp_path / "config").rglob("*.yaml"):
         file.write_text("# a comment\n" + yaml.safe_dump(reverse(yaml.safe_load(file.read_text())), sort_keys=False))
-    assert set(all_cases(load_config(tmp_path / "config/config.yaml"))) == set(all_cases(loaded))
+    shuffled = load_config(tmp_path / "config/config.yaml")
+    assert set(make_plan(shuffled, tmp_path).cases) == set(make_plan(loaded, tmp_path).cases)
 
 
 def test_case_survives_plain_data(make_case):
@@ -137,11 +139,11 @@ def test_cases_of_a_study_are_its_grid(loaded):
     assert len({c.mesh_id for c in cases.values()}) == len(axes.n_pouches) * 2, "meshes are shared over AR"
 
 
-def test_cases_that_studies_share_are_run_once_with_the_frames_of_both(loaded):
+def test_cases_that_studies_share_are_run_once_with_the_frames_of_both(loaded, tmp_path):
     study = loaded.studies["pressure_volume"]
     other = study.model_copy(update={"frames": [7.0, "max"], "description": "the same cases"})
     both = type(loaded)(loaded.config, loaded.devices, {"one": study, "two": other}, loaded.files)
-    cases = all_cases(both)
+    cases = make_plan(both, tmp_path).cases
     assert len(cases) == len(study_cases(both, "one"))
     for case in cases.values():
         expected = {*study.frames_for(case.ventricular_pressure), 7.0, case.actuation_pressure_max}

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from limo.case import Wanted, all_cases, study_cases, wanted_cases
+from limo.case import Wanted, study_cases, wanted_cases
 from limo.config import Fatigue, Loaded, Parameter, Study
 from limo.dataset import gather_study
 from limo.figures import strain_life
@@ -105,7 +105,7 @@ def test_volumes_alone_want_nothing_measured_and_change_no_frames(loaded):
     assert only_case(configuration, "plain").frames == (0.0, 13.8, 60.0)
 
 
-def test_studies_that_share_a_case_add_up(loaded):
+def test_studies_that_share_a_case_add_up(loaded, tmp_path):
     configuration = configured(
         loaded,
         one=study(outputs=["stress"], frames=[0, 20], fields_at=["max"]),
@@ -115,7 +115,7 @@ def test_studies_that_share_a_case_add_up(loaded):
     ((case_id, wanted),) = wanted_cases(configuration).items()
     assert wanted.pressures == {"stress": (0.0, 20.0, 60.0), "strain": (0.0, 30.0), "fields": (30.0,)}
     assert wanted.drawn == ("strain",)
-    assert all_cases(configuration)[case_id].frames == (0.0, 20.0, 30.0, 44.0, 60.0)
+    assert make_plan(configuration, tmp_path).cases[case_id].frames == (0.0, 20.0, 30.0, 44.0, 60.0)
     assert Wanted.from_dict(json.loads(json.dumps(wanted.to_dict()))) == wanted
 
 

@@ -25,7 +25,6 @@ SYMBOLS = {
     "stiffness_ratio": r"$\hat E$ = {:g}",
     "width_scale": "width {:g}",
     "branch": "branch {:g}",
-    "variant": "{}",
 }
 REFERENCE = Camera(azimuth=0.0, elevation=0.0)
 DEFORMED = Camera()
