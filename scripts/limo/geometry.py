@@ -71,10 +71,6 @@ class FlatPattern:
         """The patch as a polygon (mm)."""
         return Polygon(np.vstack([self.curves[i].points[::d][:-1] for i, d in region.loop]))
 
-    def seam_lines(self) -> list[LineString]:
-        """The seams in the inside and on the border of the array (mm)."""
-        return [LineString(c.points) for c in self.curves if c.kind == "seam"]
-
 
 # --------------------------------------------------------------------------------------------------------------------
 # the valve

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from shapely import LineString
 
 from limo.layer import flat_areas, flat_points
 from limo.model import build_model
@@ -58,7 +59,7 @@ def test_distance_to_segments():
 @pytest.mark.parametrize("symmetry", ["quarter", "full"])
 def test_seams_of_a_mesh_are_those_of_its_pattern(device_mesh, coarse, symmetry):
     mesh = device_mesh("limo", 8, symmetry)
-    lines = coarse("limo", 8).pattern.seam_lines()
+    lines = [LineString(c.points) for c in coarse("limo", 8).pattern.curves if c.kind == "seam"]
     length = np.linalg.norm(np.diff(edge_segments(mesh, mesh.on_seam), axis=1), axis=2).sum()
     off_axis = sum(line.length for line in lines if line.bounds[2] > 1e-6)
     on_axis = sum(line.length for line in lines) - off_axis
