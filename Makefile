@@ -48,7 +48,7 @@ benchmark: setup ## print where the time of the solved cases went
 	@$(BIN)/limo benchmark
 
 # What is measured together, and the configuration of it; every batch is resumed where it was stopped.
-BATCHES := levers:config/levers/config.yaml stock:config/levers/stock.yaml grid_preview_calculix:config/grids/preview_calculix.yaml \
+BATCHES := levers:config/levers/config.yaml stock:config/stock/config.yaml grid_preview_calculix:config/grids/preview_calculix.yaml \
 	grid_preview_newton:config/grids/preview_newton.yaml grid_paper_density_newton:config/grids/paper_density_newton.yaml \
 	half_paper_density_newton:config/grids/half_newton.yaml
 

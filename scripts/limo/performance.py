@@ -157,8 +157,9 @@ def report(rows: pd.DataFrame) -> str:
         f"when it takes less than {PAYS:.0%} of the CPU time and moves the stroke by less than {HARMLESS:.0%}.",
         _markdown(_levers(rows)),
         "## Builds, and the deck of the paper",
-        "The same case. The deck `paper` was stopped after a time limit: its CPU time is extrapolated in proportion to the"
-        " share of the solver's clock that it reached, a lower bound because the costly snaps of the ramp lie beyond.",
+        "The same case (`config/levers`, `config/stock`). The deck `paper` was stopped after a time limit: its CPU time is "
+        "extrapolated in proportion to the share of the solver's clock that it reached, a lower bound because the costly snaps "
+        "of the ramp lie beyond.",
         _markdown(_builds(rows)),
     ]
     return "\n\n".join(parts) + "\n"

@@ -351,6 +351,15 @@ def test_shipped_files_meet_their_schema(root, schema, pattern):
         jsonschema.validate(json.loads(json.dumps(read_yaml(file))), json_schemas()[f"{schema}.schema.json"])
 
 
+def test_configurations_that_costs_are_measured_with_are_valid(root, monkeypatch):
+    """Those of ``make performance``, each beside its own devices and studies."""
+    monkeypatch.chdir(root)
+    files = re.findall(r"\w+:(config/\S+\.yaml)", (root / "Makefile").read_text())
+    assert {"config/levers/config.yaml", "config/stock/config.yaml"} < set(files)
+    for file in files:
+        load_config(file)
+
+
 FIELDS = [(m, n) for m in SECTIONS for n in m.model_fields]
 
 
