@@ -83,7 +83,9 @@ class FrdFile:
 
         Raises ``ResultError`` when the frame names a node beyond ``n_nodes``.
         """
-        records = np.frombuffer(self._data, frame.record, frame.count, frame.offset)
+        # of a copy: an array on the map itself, held by the traceback of an error, would keep the map from closing
+        end = frame.offset + frame.count * frame.record.itemsize
+        records = np.frombuffer(self._data[frame.offset : end], frame.record)
         nodes = records["node"]
         if nodes.min() < 1 or nodes.max() > n_nodes:
             raise ResultError(f"{self.path}: frame at {frame.time} s names node {nodes.max()}, the model has {n_nodes}")
