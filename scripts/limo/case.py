@@ -165,39 +165,63 @@ def describe(case: Case) -> dict[str, Any]:
 
 
 def study_cases(loaded: Loaded, name: str) -> dict[tuple, Case]:
-    """The cases of a study by (n_pouches, ventricular_pressure, aspect_ratio, stiffness_ratio, width_scale, branch)."""
-    study = loaded.studies[name]
-    device, mesh = loaded.devices[study.device], loaded.mesh_of(study)
-    scales = study.axes.width_scale or [device.pattern.width_scale]
-    axes = study.axes
-    scaled = {
-        scale: device.model_copy(update={"pattern": device.pattern.model_copy(update={"width_scale": scale})}) for scale in scales
+    """The cases of a study by their places along ``study_axes``."""
+    study, config = loaded.studies[name], loaded.config
+    settings = loaded.settings(study)
+    devices = {
+        (setting.device, scale): _scaled(loaded.devices[setting.device], scale)
+        for setting in settings.values()
+        for scale in study.axes.width_scale or [None]
     }
-    cases = {}
-    engine = loaded.engine_of(study)
     # what the engine does not look at is no part of a case: changing it must change nothing that a case is compared by
-    numerics = loaded.numerics_of(study).for_engine(engine)
-    grid = (axes.n_pouches, axes.ventricular_pressure, axes.aspect_ratio, axes.stiffness_ratio, scales, range(study.branches))
-    for key in product(*grid):
-        n_pouches, pressure, aspect, stiffness, scale, branch = key
+    numerics = {name: config.numerics_presets[s.numerics].for_engine(s.engine) for name, s in settings.items()}
+    cases = {}
+    for key in product(*study_axes(loaded, name).values()):
+        n_pouches, pressure, aspect, stiffness, scale, variant, branch = key
+        setting = settings[variant]
         cases[key] = Case(
-            device=scaled[scale],
-            device_name=study.device,
+            device=devices[setting.device, scale if study.axes.width_scale else None],
+            device_name=setting.device,
             n_pouches=n_pouches,
             ventricular_pressure=pressure,
             actuation_pressure_max=study.maximum_for(pressure),
             aspect_ratio=aspect,
             stiffness_ratio=stiffness,
-            mesh=mesh,
-            mesh_level=loaded.config.mesh_levels[mesh.level],
-            numerics=numerics,
-            numerics_name=study.numerics or loaded.config.numerics,
+            mesh=setting.mesh,
+            mesh_level=config.mesh_levels[setting.mesh.level],
+            numerics=numerics[variant],
+            numerics_name=setting.numerics,
             frames=tuple(study.frames_for(pressure)),
-            engine=engine,
-            build=loaded.builds.get(engine, ""),
+            engine=setting.engine,
+            build=loaded.builds.get(setting.engine, ""),
             branch=branch,
         )
     return cases
+
+
+def study_axes(loaded: Loaded, name: str) -> dict[str, list]:
+    """The dimensions of a study's grid and their values; those that it does not vary have one.
+
+    Without ``width_scale`` devices have their own; the one of the study's device stands for it.
+    """
+    study = loaded.studies[name]
+    axes = study.axes
+    return {
+        "n_pouches": axes.n_pouches,
+        "ventricular_pressure": axes.ventricular_pressure,
+        "aspect_ratio": axes.aspect_ratio,
+        "stiffness_ratio": axes.stiffness_ratio,
+        "width_scale": axes.width_scale or [loaded.devices[study.device].pattern.width_scale],
+        "variant": list(study.variants) or [""],
+        "branch": list(range(study.branches)),
+    }
+
+
+def _scaled(device: Device, scale: float | None) -> Device:
+    """The device with other widths; with None the device."""
+    if scale is None:
+        return device
+    return device.model_copy(update={"pattern": device.pattern.model_copy(update={"width_scale": scale})})
 
 
 def cross_checks(loaded: Loaded, name: str) -> dict[tuple, Case]:
@@ -207,11 +231,15 @@ def cross_checks(loaded: Loaded, name: str) -> dict[tuple, Case]:
     """
     study = loaded.studies[name]
     cases = {key: case for key, case in study_cases(loaded, name).items() if not case.branch}
-    other = next(e for e in ENGINES if e != loaded.engine_of(study))
-    change = {"engine": other, "build": loaded.builds.get(other, ""), "numerics": loaded.numerics_of(study).for_engine(other)}
     count, keys = min(study.cross_check, len(cases)), list(cases)
     places = [round(k * (len(keys) - 1) / max(count - 1, 1)) for k in range(count)]
-    return {keys[k]: replace(cases[keys[k]], **change) for k in places}
+    return {keys[k]: _by_other_engine(loaded, cases[keys[k]]) for k in places}
+
+
+def _by_other_engine(loaded: Loaded, case: Case) -> Case:
+    other = next(e for e in ENGINES if e != case.engine)
+    numerics = loaded.config.numerics_presets[case.numerics_name].for_engine(other)
+    return replace(case, engine=other, build=loaded.builds.get(other, ""), numerics=numerics)
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ import json
 import re
 import sys
 from collections.abc import Iterable
+from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
@@ -478,6 +479,18 @@ class Axes(Section):
         return values
 
 
+class Variant(Section):
+    """What one variant of a study has instead of the study's own."""
+
+    description: str = Field("", description="a few words", examples=["half of the device"])
+    device: str | None = Field(None, pattern=NAME, description="another file in config/devices", examples=["mini_limo"])
+    mesh: Mesh | None = Field(
+        None, description="what differs in the mesh; keys left out are the study's", examples=[{"symmetry": "front_back"}]
+    )
+    numerics: str | None = Field(None, pattern=NAME, description="another entry of numerics_presets", examples=["paper"])
+    engine: Engine | None = Field(None, description="another engine", examples=["newton"])
+
+
 Output = Literal["volumes", "contact", "stress", "strain", "fatigue", "fields"]
 OUTPUTS = get_args(Output)
 
@@ -501,6 +514,11 @@ class Study(Section):
         0, ge=0, le=1000, description="how many of the cases are solved by the other engine too, for comparison", examples=[2]
     )
     axes: Axes
+    variants: dict[Annotated[str, Field(pattern=NAME)], Variant] = Field(
+        default={},
+        description="an axis of named variants of everything else: each case is solved once for each, in this order",
+        examples=[{"quarter": {}, "half": {"mesh": {"symmetry": "front_back"}}}],
+    )
     actuation_pressure_max: Annotated[float, Field(gt=0, le=1000)] | dict[float, Annotated[float, Field(gt=0, le=1000)]] = Field(
         description="P_a,max in kPa, one number or one for each P_v", examples=[{3.8: 60, 13.8: 100, 23.8: 140}]
     )
@@ -616,6 +634,16 @@ class Config(Section):
 # reading
 
 
+@dataclass(frozen=True)
+class Setting:
+    """What the cases of a study, or of one of its variants, are solved with; device and numerics by their names."""
+
+    device: str
+    mesh: Mesh
+    numerics: str
+    engine: str
+
+
 class Loaded:
     """A configuration with its devices and studies resolved and checked against each other.
 
@@ -633,32 +661,44 @@ class Loaded:
             if name not in self.studies:
                 raise ConfigError(file, "STUDY", name, f"one of: {', '.join(self.studies)}", example)
 
-    def mesh_of(self, study: Study) -> Mesh:
-        """The mesh a study uses."""
-        return study.mesh or self.config.mesh
+    def settings(self, study: Study) -> dict[str, Setting]:
+        """What a study uses, by the names of its variants; without variants by an empty name."""
+        config, mesh = self.config, study.mesh or self.config.mesh
+        return {
+            name: Setting(
+                variant.device or study.device,
+                mesh.model_copy(update={k: getattr(variant.mesh, k) for k in variant.mesh.model_fields_set})
+                if variant.mesh
+                else mesh,
+                variant.numerics or study.numerics or config.numerics,
+                variant.engine or study.engine or config.engine,
+            )
+            for name, variant in (study.variants or {"": Variant()}).items()
+        }
 
-    def engine_of(self, study: Study) -> str:
-        """The engine a study uses."""
-        return study.engine or self.config.engine
-
-    def numerics_of(self, study: Study) -> Numerics:
-        """The numerics preset a study uses."""
-        return self.config.numerics_presets[study.numerics or self.config.numerics]
+    def engines_of(self, study: Study) -> list[str]:
+        """The engines that a study uses, of ``ENGINES``."""
+        used = {setting.engine for setting in self.settings(study).values()}
+        return [engine for engine in ENGINES if engine in used or study.cross_check]
 
     def content(self, name: str) -> dict[str, Any]:
         """The resolved configuration of a study: what its dataset depends on besides the results of its cases."""
         study = self.studies[name]
-        sections = {
-            "study": study,
-            "device": self.devices[study.device],
-            "mesh": self.mesh_of(study),
-            "mesh_level": self.config.mesh_levels[self.mesh_of(study).level],
-            "numerics": self.numerics_of(study),
+        # what is drawn of a dataset is no part of it
+        sections = {"study": study.model_dump(mode="json", exclude={"figures", "measured"})}
+        sections["settings"] = {
+            name: {
+                "device": self.devices[setting.device].model_dump(mode="json"),
+                "mesh": setting.mesh.model_dump(mode="json"),
+                "mesh_level": self.config.mesh_levels[setting.mesh.level].model_dump(mode="json"),
+                "numerics": self.config.numerics_presets[setting.numerics].model_dump(mode="json"),
+                "engine": setting.engine,
+            }
+            for name, setting in self.settings(study).items()
         }
         if "fatigue" in study.measures:
-            sections["fatigue"] = self.config.fatigue
-        # what is drawn of a dataset is no part of it
-        return {k: v.model_dump(mode="json", exclude={"figures", "measured"}) for k, v in sections.items()}
+            sections["fatigue"] = self.config.fatigue.model_dump(mode="json")
+        return sections
 
 
 class _UniqueKeyLoader(yaml.SafeLoader):
@@ -795,25 +835,8 @@ def _check_study(loaded: Loaded, path: Path, study: Study, cut: set[tuple[str, f
     """
     from limo.geometry import flat_pattern
 
-    _check_names(path, "device", study.device, loaded.devices)
-    if study.numerics:
-        _check_names(path, "numerics", study.numerics, loaded.config.numerics_presets)
-    _check_names(path, "mesh.level", loaded.mesh_of(study).level, loaded.config.mesh_levels)
-    if study.measures and loaded.mesh_of(study).element.startswith("S8"):
-        element = loaded.mesh_of(study).element
-        raise ConfigError(
-            path,
-            "outputs",
-            study.outputs,
-            f"volumes only with element {element}, which keeps no displacements through the thickness",
-            "mesh: {level: preview, symmetry: quarter, element: C3D20R}",
-        )
-    shells = loaded.mesh_of(study).element.startswith("S8")
-    if shells and (loaded.engine_of(study) == "newton" or study.cross_check):
-        key = "cross_check" if study.cross_check else "engine"
-        raise ConfigError(
-            path, key, getattr(study, key), "element C3D20R or C3D20 where the engine newton is used", "mesh: {element: C3D20R}"
-        )
+    for name, setting in loaded.settings(study).items():
+        _check_setting(loaded, path, study, f"variants.{name}." if name else "", setting)
     for figure in study.figures:
         _check_names(path, "figures", figure, dict.fromkeys(FIGURES), listed=True)
         if (needed := NEEDS.get(figure, "volumes")) not in ("volumes", *study.outputs):
@@ -845,13 +868,39 @@ def _check_study(loaded: Loaded, path: Path, study: Study, cut: set[tuple[str, f
                 raise ConfigError(
                     path, key, beyond[0], f"pressures up to actuation_pressure_max = {maximum:g} kPa", f"{key}: [0, max]"
                 )
-    device = loaded.devices[study.device]
-    for scale in study.axes.width_scale or [device.pattern.width_scale]:
-        for n_pouches in study.axes.n_pouches:
-            if (study.device, scale, n_pouches) not in cut:
-                pattern = device.pattern.model_copy(update={"width_scale": scale})
-                flat_pattern(pattern, n_pouches, loaded.files[f"devices/{study.device}"])
-                cut.add((study.device, scale, n_pouches))
+    for name in {setting.device for setting in loaded.settings(study).values()}:
+        device = loaded.devices[name]
+        for scale in study.axes.width_scale or [device.pattern.width_scale]:
+            for n_pouches in study.axes.n_pouches:
+                if (name, scale, n_pouches) not in cut:
+                    pattern = device.pattern.model_copy(update={"width_scale": scale})
+                    flat_pattern(pattern, n_pouches, loaded.files[f"devices/{name}"])
+                    cut.add((name, scale, n_pouches))
+
+
+def _check_setting(loaded: Loaded, path: Path, study: Study, prefix: str, setting: Setting) -> None:
+    """What a study or a variant (its keys after ``prefix``) names must exist, and element and engine must fit together."""
+    _check_names(path, f"{prefix}device", setting.device, loaded.devices)
+    _check_names(path, f"{prefix}numerics", setting.numerics, loaded.config.numerics_presets)
+    _check_names(path, f"{prefix}mesh.level", setting.mesh.level, loaded.config.mesh_levels)
+    element = setting.mesh.element
+    if not element.startswith("S8"):
+        return
+    if setting.mesh.symmetry != "full":
+        raise ConfigError(
+            path, f"{prefix}mesh.symmetry", setting.mesh.symmetry, f"full with element {element}", "mesh: {symmetry: full}"
+        )
+    if study.measures:
+        raise ConfigError(
+            path,
+            "outputs",
+            study.outputs,
+            f"volumes only with element {element}, which keeps no displacements through the thickness",
+            "mesh: {level: preview, symmetry: quarter, element: C3D20R}",
+        )
+    if setting.engine == "newton" or study.cross_check:
+        key, value = ("cross_check", study.cross_check) if study.cross_check else (f"{prefix}engine", setting.engine)
+        raise ConfigError(path, key, value, "element C3D20R or C3D20 where the engine newton is used", "mesh: {element: C3D20R}")
 
 
 def json_schemas() -> dict[str, dict[str, Any]]:

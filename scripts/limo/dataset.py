@@ -14,7 +14,7 @@ import numpy as np
 import xarray as xr
 
 from limo import __version__
-from limo.case import Case, cross_checks, study_cases
+from limo.case import Case, cross_checks, study_axes, study_cases
 from limo.config import Loaded, Study
 from limo.efficiency import efficiency_at_stroke, io_ratio
 from limo.errors import ResultError
@@ -24,7 +24,7 @@ from limo.solution import ramp_of
 
 STROKE_FOR_EFFICIENCY = 90.0  # ml, physiological stroke volume (paper, Afterload sensitivity)
 STATUSES = ("converged", "diverged", "timed_out", "crashed", "missing")
-CASE_DIMS = ("n_pouches", "ventricular_pressure", "aspect_ratio", "stiffness_ratio", "width_scale", "branch")
+CASE_DIMS = ("n_pouches", "ventricular_pressure", "aspect_ratio", "stiffness_ratio", "width_scale", "variant", "branch")
 CURVE_DIMS = (*CASE_DIMS, "actuation_pressure")
 
 
@@ -66,6 +66,7 @@ COORDINATES = {
     "aspect_ratio": ("1", "aspect ratio of the valve support, AR"),
     "stiffness_ratio": ("1", "endocardial over fabric modulus, E_hat"),
     "width_scale": ("1", "scale of the device's widths"),
+    "variant": ("", "variant of everything else, as the study names it"),
     "branch": ("1", "0 for the flat state as it is, else the seed of a tiny perturbation of it"),
     "actuation_pressure": ("kPa", "actuation pressure, P_a"),
 }
@@ -130,10 +131,7 @@ def gather_study(loaded: Loaded, name: str, case_folder: Path, sources: Sequence
     pressures = np.unique(
         np.append(np.arange(0.0, highest, study.pressure_step), sorted({c.actuation_pressure_max for c in cases.values()}))
     )
-    axes = study.axes
-    scales = axes.width_scale or [loaded.devices[study.device].pattern.width_scale]
-    grid = (axes.n_pouches, axes.ventricular_pressure, axes.aspect_ratio, axes.stiffness_ratio, scales, [*range(study.branches)])
-    coords = dict(zip(CASE_DIMS, grid, strict=True))
+    coords = study_axes(loaded, name)
     shape = tuple(len(v) for v in coords.values())
     data = {n: np.full(shape + ((len(pressures),) if v.dims == CURVE_DIMS else ()), np.nan) for n, v in VARIABLES.items()}
     text = {
@@ -175,9 +173,10 @@ def gather_study(loaded: Loaded, name: str, case_folder: Path, sources: Sequence
 
 
 def on_axes(dataset: xr.Dataset, study: Study) -> xr.Dataset:
-    """The same without the dimensions ``width_scale`` and ``branch`` where the study does not vary them."""
-    fixed = {"width_scale": study.axes.width_scale is None, "branch": study.branches == 1}
-    return dataset.isel({dim: 0 for dim, one in fixed.items() if one})
+    """The same without the dimensions ``width_scale``, ``variant`` and ``branch`` where the study does not vary them."""
+    fixed = {"width_scale": study.axes.width_scale is None, "variant": not study.variants, "branch": study.branches == 1}
+    dataset = dataset.isel({dim: 0 for dim, one in fixed.items() if one})
+    return dataset if study.variants else dataset.drop_vars("variant")
 
 
 def _gather_checks(dataset: xr.Dataset, twins: dict[tuple, Case], source: dict[tuple, str], case_folder: Path) -> xr.Dataset:
@@ -238,7 +237,7 @@ def _attributes(loaded: Loaded, name: str) -> dict[str, str]:
     return {
         "title": f"{name}: {study.description}" if study.description else name,
         "Conventions": "CF-1.11",
-        "source": f"displacements of a Less In More Out device by the engine {loaded.engine_of(study)}",
+        "source": f"displacements of a Less In More Out device by the engine {' and '.join(loaded.engines_of(study))}",
         "study": name,
         "config": json.dumps(loaded.content(name), sort_keys=True),
         "versions": json.dumps(_versions(), sort_keys=True),

@@ -16,7 +16,7 @@ from pathlib import Path
 import pandas as pd
 import xarray as xr
 
-from limo.case import Case, study_cases
+from limo.case import Case, study_axes, study_cases
 from limo.config import Loaded, load_config
 from limo.cost import schedule
 from limo.deck import stage_times
@@ -27,17 +27,20 @@ from limo.plan import Plan, make_plan
 from limo.solution import ramp_of
 
 #: columns that name a run; a new measurement of the same run takes the place of the old one
-KEYS = ["batch", "study", "n_pouches", "ventricular_pressure", "aspect_ratio", "stiffness_ratio", "branch"]
+KEYS = ["batch", "study", "n_pouches", "ventricular_pressure", "aspect_ratio", "stiffness_ratio", "variant", "branch"]
 
 
 def measurements(loaded: Loaded, plan: Plan, batch: str, studies: list[str], results: Path = Path("results")) -> pd.DataFrame:
     """One row a case of the studies that is on disk; cases that are not are left out."""
     rows = []
     for name in studies:
+        study = loaded.studies[name]
         for key, case in study_cases(loaded, name).items():
             folder = results / "cases" / plan.served[name][key]
+            variant = dict(zip(study_axes(loaded, name), key, strict=True))["variant"]
             if (folder / "status.json").exists():
-                rows.append({"batch": batch, "study": name, "change": loaded.studies[name].description} | _row(case, folder))
+                what = study.variants[variant].description if variant else study.description
+                rows.append({"batch": batch, "study": name, "variant": variant or "-", "change": what} | _row(case, folder))
     return pd.DataFrame(rows)
 
 
@@ -107,7 +110,7 @@ def record(rows: pd.DataFrame, file: Path) -> None:
 def record_batch(config_file: str, batch: str, studies: list[str], results: Path, file: Path) -> str:
     """Put the costs of the solved cases of studies (none: those that the configuration runs) into the table; says what it did."""
     loaded = load_config(config_file)
-    loaded.require(studies, config_file, "limo performance record levers base --config config/levers/config.yaml")
+    loaded.require(studies, config_file, "limo performance record levers levers --config config/levers/config.yaml")
     find_engines(loaded, config_file)
     rows = measurements(loaded, make_plan(loaded, results), batch, studies or loaded.config.studies, results)
     if rows.empty:
@@ -219,13 +222,13 @@ def _levers(rows: pd.DataFrame) -> pd.DataFrame:
     levers, table = rows[rows.batch == "levers"], []
     for engine, base in (("calculix", "base"), ("newton", "newton")):
         of = levers[levers.engine == engine]
-        first = of[of.study == base]
+        first = of[of.variant == base]
         if first.empty:
             continue
         first = first.iloc[0]
-        for _, row in pd.concat([of[of.study == base], of[of.study != base]]).iterrows():
+        for _, row in pd.concat([of[of.variant == base], of[of.variant != base]]).iterrows():
             share, moved = row.cpu_seconds / first.cpu_seconds, row.stroke / first.stroke - 1
-            pays = "-" if row.study == base else "yes" if share < PAYS and abs(moved) < HARMLESS else "no"
+            pays = "-" if row.variant == base else "yes" if share < PAYS and abs(moved) < HARMLESS else "no"
             table.append(
                 {
                     "engine": engine,
@@ -246,13 +249,13 @@ def _levers(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def _builds(rows: pd.DataFrame) -> pd.DataFrame:
-    table, of = [], rows[rows.batch.isin(["levers", "stock"]) & rows.study.isin(["base", "paper", "newton"])]
+    table, of = [], rows[rows.batch.isin(["levers", "stock"]) & rows.variant.isin(["base", "paper", "newton"])]
     for _, row in of.iterrows():
         table.append(
             {
                 "engine": row.engine,
                 "build": row.build,
-                "deck": "paper" if row.study == "paper" else "fast" if row.engine == "calculix" else "-",
+                "deck": "paper" if row.variant == "paper" else "fast" if row.engine == "calculix" else "-",
                 "status": row.status,
                 "share of the run": f"{row.path_share:.1%}",
                 "iterations": int(row.iterations),
@@ -293,7 +296,7 @@ def _targets(rows: pd.DataFrame) -> pd.DataFrame:
     if len(whole):
         paper = whole[(whole.deck == "paper")]["CPU of the whole run [s]"]
         for engine, limit in (("calculix", 10), ("newton", 100)):
-            ours = rows[(rows.batch == "levers") & (rows.study == {"calculix": "base"}.get(engine, engine))].cpu_seconds
+            ours = rows[(rows.batch == "levers") & (rows.variant == {"calculix": "base"}.get(engine, engine))].cpu_seconds
             ratio = paper.max() / ours.min() if len(paper) and len(ours) else None
             add(f"less CPU than the deck of the paper on the stock build: {engine}", ratio, limit, "times", most=False)
     return pd.DataFrame(table)

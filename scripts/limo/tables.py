@@ -22,6 +22,7 @@ _AXES = {
     "aspect_ratio": "AR",
     "stiffness_ratio": "E_hat",
     "width_scale": "width",
+    "variant": "variant",
     "branch": "branch",
 }
 
@@ -76,7 +77,7 @@ def study_table(path: Path) -> str:
         reached = float(case.actuation_pressure_reached)
         at_end = case.sel(actuation_pressure=reached, method="ffill") if np.isfinite(reached) else None
         rows.append(
-            {text: f"{float(case[name]):g}" for name, text in _AXES.items() if name in dims}
+            {text: _place(case[name].item()) for name, text in _AXES.items() if name in dims}
             | {
                 "P_a [kPa]": f"{reached:.1f}" if at_end is not None else "-",
                 "stroke [ml]": _number(at_end, "stroke_volume", "{:.1f}"),
@@ -96,6 +97,10 @@ def study_table(path: Path) -> str:
             lines.append(f"  {case.case_id.values}: {reason}")
     figures = sorted((path.parent / "figures").glob("*.p*"))
     return "\n".join([*lines, *(f"figure: {f}" for f in figures)])
+
+
+def _place(value: str | float) -> str:
+    return value if isinstance(value, str) else f"{value:g}"
 
 
 def _check(case: xr.Dataset) -> dict[str, str]:

@@ -10,7 +10,7 @@ import yaml
 
 from limo import case as case_module
 from limo.case import Case, code_digest, cross_checks, digest, number_label, study_cases
-from limo.config import Mesh, MeshLevel, load_config
+from limo.config import Axes, Mesh, MeshLevel, Variant, load_config
 from limo.plan import make_plan
 
 
@@ -131,7 +131,7 @@ def test_cases_of_a_study_are_its_grid(loaded):
     wider = type(loaded)(loaded.config, loaded.devices, {"wider": study.model_copy(update={"axes": axes})}, loaded.files)
     cases = study_cases(wider, "wider")
     assert len(cases) == len(axes.n_pouches) * len(axes.ventricular_pressure) * 2 * 2
-    for (n_pouches, pressure, aspect, stiffness, scale, _), case in cases.items():
+    for (n_pouches, pressure, aspect, stiffness, scale, *_), case in cases.items():
         assert (case.n_pouches, case.ventricular_pressure, case.aspect_ratio) == (n_pouches, pressure, aspect)
         assert (case.stiffness_ratio, case.device.pattern.width_scale) == (stiffness, scale)
         assert case.actuation_pressure_max == study.maximum_for(pressure)
@@ -175,6 +175,25 @@ def test_branches_are_cases_of_their_own_on_one_mesh(loaded):
     assert len({c.mesh_id for c in cases.values()}) == 4
     plain = study_cases(with_study(loaded), "s")
     assert all(cases[key].case_id == case.case_id for key, case in plain.items()), "branch 0 is the case without branches"
+
+
+def test_variants_differ_from_the_study_in_what_they_name_only(loaded):
+    variants = {
+        "plain": Variant(),
+        "half": Variant(mesh={"symmetry": "front_back"}),
+        "literal": Variant(numerics="paper"),
+        "other": Variant(engine="newton"),
+        "small": Variant(device="mini_limo"),
+    }
+    axes = Axes(n_pouches=[8], ventricular_pressure=[3.8])
+    found = {key[-2]: case for key, case in study_cases(with_study(loaded, axes=axes, variants=variants), "s").items()}
+    (plain,) = study_cases(with_study(loaded, axes=axes), "s").values()
+    assert found["plain"] == plain
+    assert found["half"] == replace(plain, mesh=plain.mesh.model_copy(update={"symmetry": "front_back"}))
+    assert found["literal"].numerics == loaded.config.numerics_presets["paper"].for_engine("calculix")
+    assert found["other"].engine == "newton"
+    assert found["small"].device == loaded.devices["mini_limo"]
+    assert len({case.case_id for case in found.values()}) == 5
 
 
 @pytest.mark.parametrize(("asked", "pouches"), [(0, []), (1, [4]), (2, [4, 10]), (3, [4, 8, 10]), (9, [4, 6, 8, 10])])

@@ -113,6 +113,11 @@ MISTAKES = [
     (STUDY, ("mesh", "level"), "huge", "preview"),
     (STUDY, ("mesh", "symmetry"), "half", "quarter"),
     (STUDY, ("mesh",), {"level": "preview", "element": "S8", "symmetry": "quarter"}, "full"),
+    (STUDY, ("variants", "half", "pouches"), 8, "numerics"),
+    (STUDY, ("variants", "half"), {"numerics": "quick"}, "fast"),
+    (STUDY, ("variants", "half"), {"device": "heart"}, "mini_limo"),
+    (STUDY, ("variants", "half", "mesh", "level"), "huge", "preview"),
+    (STUDY, ("variants", "a half"), {}, "pattern"),
     (STUDY, ("figures",), ["pie"], "pressure_volume"),
     (STUDY, ("pressure_step",), 0.0, "greater than or equal to 0.01"),
     (STUDY, ("measured",), "config/measured/absent.csv", "CSV"),
@@ -324,11 +329,10 @@ def test_study_overrides_the_default_mesh_and_numerics(folder):
     edit(folder / STUDY, ("mesh",), {"level": "coarse", "symmetry": "full"})
     edit(folder / STUDY, ("numerics",), "paper")
     loaded = load_config(folder / CONFIG)
-    study = loaded.studies["pressure_volume"]
-    assert loaded.mesh_of(study).level == "coarse"
-    assert loaded.numerics_of(study) == loaded.config.numerics_presets["paper"]
+    setting = loaded.settings(loaded.studies["pressure_volume"])[""]
+    assert (setting.mesh.level, setting.mesh.symmetry, setting.numerics) == ("coarse", "full", "paper")
     content = loaded.content("pressure_volume")
-    assert content["mesh_level"] == loaded.config.mesh_levels["coarse"].model_dump(mode="json")
+    assert content["settings"][""]["mesh_level"] == loaded.config.mesh_levels["coarse"].model_dump(mode="json")
     assert json.loads(json.dumps(content)) == content, "goes into a dataset's attributes"
 
 

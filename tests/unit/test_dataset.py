@@ -9,7 +9,7 @@ import pytest
 import xarray as xr
 
 from limo.case import cross_checks, study_cases
-from limo.config import Loaded, Study
+from limo.config import Loaded, Study, Variant
 from limo.dataset import CASE_DIMS, COORDINATES, CURVE_DIMS, STATUSES, VARIABLES, curves, gather_study
 from limo.deck import actuation_pressure_at, stage_times
 from limo.errors import ConfigError
@@ -17,6 +17,7 @@ from limo.figures import pressure_volume, style
 from limo.figures.measured import read_measured
 from limo.files import write_json
 from limo.solution import _history
+from limo.tables import study_table
 
 # synthetic curves: V_v = V_0 - 2 P_a, V_a = V_1 + 1.5 P_a in ml and kPa
 STROKE, FILLING = 2.0, 1.5
@@ -90,10 +91,12 @@ def pick(dataset, n_pouches, pressure=3.8):
 def test_every_variable_has_its_dimensions_units_and_long_name(gathered):
     for name, variable in VARIABLES.items():
         stored = gathered[name]
-        assert stored.dims == tuple(d for d in variable.dims if d not in ("width_scale", "branch")), "one is no dimension"
+        varied = tuple(d for d in variable.dims if d not in ("width_scale", "variant", "branch"))
+        assert stored.dims == varied, "one is no dimension"
         assert (stored.attrs["units"], stored.attrs["long_name"]) == (variable.units, variable.long_name)
         assert stored.dtype == float
-    for name, (units, long_name) in COORDINATES.items():
+    for name in COORDINATES.keys() - {"variant"}:
+        units, long_name = COORDINATES[name]
         assert (gathered[name].attrs["units"], gathered[name].attrs["long_name"]) == (units, long_name)
     assert all(v.attrs.get("long_name") for v in gathered.variables.values())
     assert set(np.unique(gathered.case_status)) <= set(STATUSES)
@@ -175,6 +178,27 @@ def test_width_scale_is_a_dimension_where_a_study_varies_it(grid, tmp_path):
     dataset = gather_study(wide, "wide", tmp_path)
     assert dataset.efficiency_90ml.dims[-1] == "width_scale"
     np.testing.assert_array_equal(dataset.width_scale, [0.8, 1.0])
+
+
+def test_variants_are_a_dimension_of_names_where_a_study_has_them(grid, gathered, tmp_path):
+    study = grid.studies["grid"].model_copy(
+        update={"variants": {"quarter": Variant(), "half": Variant(mesh={"symmetry": "full"})}}
+    )
+    both = Loaded(grid.config, grid.devices, {"both": study}, grid.files)
+    for key, case in study_cases(both, "both").items():
+        (tmp_path / case.case_id).mkdir()
+        history_of(case, 10.0 if key[-2] == "half" else None).to_netcdf(tmp_path / case.case_id / "volumes.nc")
+        status = {"status": "converged", "reason": "", "actuation_pressure_reached": 10.0}
+        write_json(tmp_path / case.case_id / "status.json", status)
+    dataset = gather_study(both, "both", tmp_path)
+    assert list(dataset.variant.values) == ["quarter", "half"]
+    reached = dataset.stroke_volume.sel(n_pouches=4, ventricular_pressure=3.8).squeeze().notnull().sum("actuation_pressure")
+    assert reached.sel(variant="half") == 5 < reached.sel(variant="quarter")
+    assert "variant" not in gathered.coords
+    dataset.to_netcdf(tmp_path / "study.nc")
+    assert "half" in study_table(tmp_path / "study.nc")
+    labels = [line.get_label() for line in pressure_volume.draw(dataset).axes[1].lines]
+    assert "$N_p$ = 4, $P_v$ = 3.8 kPa, half" in labels
 
 
 def test_converged_case_has_a_value_at_its_last_pressure(make_case):

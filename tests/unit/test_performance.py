@@ -55,10 +55,12 @@ def test_a_new_measurement_takes_the_place_of_the_old_one(measured, tmp_path):
 
 
 def test_the_report_judges_changes_and_targets_by_the_numbers(measured):
-    base = measured.assign(status="converged", path_share=1.0, pressure_reached=60.0, cpu_seconds=100.0, stroke=100.0)
+    base = measured.assign(
+        variant="base", status="converged", path_share=1.0, pressure_reached=60.0, cpu_seconds=100.0, stroke=100.0
+    )
     variants = {"faster": (50.0, 101.0), "wrong": (50.0, 110.0), "slower": (99.0, 100.0)}
-    rows = [base, *(base.assign(study=n, change=n, cpu_seconds=c, stroke=s) for n, (c, s) in variants.items())]
-    paper = base.assign(batch="stock", study="paper", cpu_seconds=600.0, path_share=0.1)
+    rows = [base, *(base.assign(variant=n, change=n, cpu_seconds=c, stroke=s) for n, (c, s) in variants.items())]
+    paper = base.assign(batch="stock", variant="paper", cpu_seconds=600.0, path_share=0.1)
     text = report(pd.concat([*rows, paper], ignore_index=True))
     verdict = {n: next(line for line in text.splitlines() if f"| {n} |" in line).split("|")[-2].strip() for n in variants}
     assert verdict == {"faster": "yes", "wrong": "no", "slower": "no"}

@@ -46,8 +46,9 @@ def shape_results(wildcards):
 def study_content(wildcards):
     """Digest of what a study's dataset depends on besides results: all its keys but words and figures."""
     content = LOADED.content(wildcards.study)
-    for section in ("study", "numerics"):
-        del content[section]["description"]
+    numerics = [setting["numerics"] for setting in content["settings"].values()]
+    for described in (content["study"], *content["study"]["variants"].values(), *numerics):
+        del described["description"]
     return digest(content)
 
 

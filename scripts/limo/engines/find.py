@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from limo.config import ENGINES, Loaded
+from limo.config import Loaded
 from limo.engines import calculix, pardiso
 
 
@@ -13,8 +13,7 @@ def find_engines(loaded: Loaded, config_file: str) -> Path | None:
 
     Raises ``ConfigError`` or ``SolverNotFoundError``.
     """
-    used = {loaded.engine_of(study) for study in loaded.studies.values()}
-    used.update(ENGINES if any(study.cross_check for study in loaded.studies.values()) else ())
+    used = {engine for study in loaded.studies.values() for engine in loaded.engines_of(study)}
     if "newton" in used:
         loaded.builds["newton"] = f"mkl-{pardiso.mkl_version()}"
     if "calculix" not in used:

@@ -24,6 +24,7 @@ SYMBOLS = {
     "aspect_ratio": "AR = {:g}",
     "stiffness_ratio": r"$\hat E$ = {:g}",
     "width_scale": "width {:g}",
+    "variant": "{}",
     "branch": "branch {:g}",
 }
 REFERENCE = Camera(azimuth=0.0, elevation=0.0)

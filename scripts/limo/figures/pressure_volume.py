@@ -19,8 +19,8 @@ def curve_label(case: xr.Dataset, varying: list[str]) -> str:
         "width_scale": "width",
     }
     units = {"ventricular_pressure": " kPa"}
-    names = [f"{symbols[d]} = {float(case[d]):g}{units.get(d, '')}" for d in varying or ["n_pouches"]]
-    label = ", ".join(names)
+    values = {d: case[d].item() for d in varying or ["n_pouches"]}
+    label = ", ".join(v if d == "variant" else f"{symbols[d]} = {v:g}{units.get(d, '')}" for d, v in values.items())
     status = str(case.case_status.values)
     return label if status == "converged" else f"{label} ({status})"
 
