@@ -138,6 +138,11 @@ def make_parser() -> argparse.ArgumentParser:
             part.add_argument(
                 "--table", type=Path, default=Path("docs/data/performance.csv"), help="the table (default: %(default)s)"
             )
+    says = "test the paper's statements on the datasets of the studies; write the table and a page of it"
+    with command(_paper_check, "paper-check", says, "", "--data docs/gallery/data") as made:
+        made.add_argument("--data", type=Path, default=Path("results/studies"), help="folder of datasets (default: %(default)s)")
+        made.add_argument("--table", type=Path, default=Path("results/paper_check.csv"), help="default: %(default)s")
+        made.add_argument("--page", type=Path, default=Path("results/paper_check.md"), help="default: %(default)s")
     says = "delete what no study uses and what killed solvers left; without --yes only say what and how much that is"
     with command(
         _clean, "clean", says, "", "leftovers --yes", "cases --config config/config.yaml config/levers/config.yaml"
@@ -270,6 +275,12 @@ def _performance(chosen: argparse.Namespace) -> None:
         print(record_batch(chosen.config, chosen.batch, chosen.studies, chosen.results, chosen.table))
     else:
         print(report(read_measurements(chosen.table)), end="")
+
+
+def _paper_check(chosen: argparse.Namespace) -> None:
+    from limo.paper_check import write_check
+
+    print(f"{write_check(chosen.data, chosen.table, chosen.page)}: {chosen.table}, {chosen.page}")
 
 
 def _clean(chosen: argparse.Namespace) -> None:

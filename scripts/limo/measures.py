@@ -57,6 +57,7 @@ MEASURES = {
     "von_mises_max": Measure(("frame",), "MPa", "largest von Mises stress", "stress"),
     "von_mises_p99": Measure(("frame",), "MPa", "von Mises stress not exceeded on 99 % of the area", "stress"),
     "von_mises_peak_share": Measure(("frame", "zone"), "1", "share of the top 5 % of the area in a zone", "stress"),
+    "zone_share": Measure(("zone",), "1", "share of the area of the fabric in a zone", "stress"),
     "von_mises_max_x": Measure(("frame",), "mm", "where the largest von Mises stress is on the flat pattern, x", "stress"),
     "von_mises_max_y": Measure(("frame",), "mm", "where the largest von Mises stress is on the flat pattern, y", "stress"),
     "von_mises_max_zone": Measure(("frame",), "", "zone of the largest von Mises stress", "stress"),
@@ -176,12 +177,15 @@ def _measure(model: Model, frames: CaseFrames, wanted: Wanted, fatigue: Fatigue,
     zone = zone_of(mesh, away, near)
     near_seam = np.minimum(away["seam"], away["outer_edge"]) <= near
     outputs = wanted.outputs
+    areas = flat_areas(mesh)
     data = {
         n: (m.per, np.full([len(asked) if d == "frame" else len(_LABELS[d]) for d in m.per], np.nan if m.units else "", object))
         for n, m in MEASURES.items()
         if not m.output or m.output in outputs
     }
     values = {n: v for n, (_, v) in data.items()}
+    if "stress" in outputs:
+        values["zone_share"][:] = np.bincount(zone.ravel(), areas.ravel(), minlength=len(ZONES)) / areas.sum()
     maps: dict[str, dict[float, np.ndarray]] = {"von_mises": {}, "principal_strain": {}, "strain_angle": {}}
     membrane = []
     for k, pressure in enumerate(asked):
@@ -212,7 +216,7 @@ def _measure(model: Model, frames: CaseFrames, wanted: Wanted, fatigue: Fatigue,
         dataset |= _fatigue(values, mesh, largest_amplitude(np.array(membrane)), near_seam, fatigue)
     _contact(values, model, frames)
     dataset |= _buckling(values, model, frames, folder)
-    dataset |= _as_maps(maps, away, zone, flat_areas(mesh), flat_points(mesh))
+    dataset |= _as_maps(maps, away, zone, areas, flat_points(mesh))
     for name, (per, array) in data.items():
         measure = MEASURES[name]
         attributes = {"long_name": measure.long_name} | ({"units": measure.units} if measure.units else {})
