@@ -50,6 +50,7 @@ include: "workflow/rules/solve.smk"
 include: "workflow/rules/measure.smk"
 include: "workflow/rules/aggregate.smk"
 include: "workflow/rules/figures.smk"
+include: "workflow/rules/paper.smk"
 
 
 for name in LOADED.studies:

@@ -31,7 +31,10 @@ Symmetry = Literal["full", "front_back", "quarter"]
 Point = tuple[Annotated[float, Field(ge=0, le=2)], Annotated[float, Field(ge=0, le=1.2)]]
 SplinePoints = Annotated[list[Point], Field(min_length=2)]
 #: rules of the workflow, whose names a study cannot have because it becomes a rule itself
-RULES = ("all", "mesh_device", "solve_case", "measure_case", "write_fields", "gather_study", "gather_shapes", "draw_figure")
+RULES = (
+    *("all", "mesh_device", "solve_case", "measure_case", "write_fields", "gather_study", "gather_shapes", "draw_figure"),
+    *("fit_material", "material", "check_paper", "paper"),
+)
 NAME = r"^[A-Za-z][A-Za-z0-9_]*$"
 
 
@@ -613,6 +616,20 @@ class Study(Section):
         return tuple(o for o in OUTPUTS[1:] if o in self.outputs)
 
 
+class TensileTest(Section):
+    """A tensile test of the fabric (paper, *Material model calibration*); devices state their moduli themselves."""
+
+    data: str = Field(
+        "config/measured/uniaxial_synthetic.csv",
+        description="CSV with the columns elongation (mm) and force (N), a path from the project's root",
+        examples=["config/measured/uniaxial_synthetic.csv"],
+    )
+    length: float = Field(200.0, gt=0, description="of the coupon in mm, l_0", examples=[200.0])
+    width: float = Field(50.0, gt=0, description="of the coupon in mm, w_0", examples=[50.0])
+    thickness: float = Field(0.19, gt=0, description="of the coupon in mm, t_0", examples=[0.19])
+    largest_strain: float = Field(0.1, gt=0, le=1, description="nominal strain below which points are fitted", examples=[0.1])
+
+
 class Config(Section):
     """``config/config.yaml``: what runs by default and the presets that studies name."""
 
@@ -628,6 +645,7 @@ class Config(Section):
     numerics_presets: dict[Annotated[str, Field(pattern=NAME)], Numerics] = Field(min_length=1, description="numerics by name")
     solver: Solver = Solver()
     fatigue: Fatigue = Field(Fatigue(), description="strain-life curve of the fatigue output, each number with its origin")
+    tensile_test: TensileTest = Field(TensileTest(), description="what `snakemake material` fits the modulus of the fabric to")
 
 
 # --------------------------------------------------------------------------------------------------------------------
