@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from io import BytesIO
 from pathlib import Path
 
 import matplotlib
@@ -9,10 +11,11 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import xarray as xr
+from PIL import Image
 
 #: Okabe-Ito, in the order in which curves take them
 COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#F0E442", "#000000")
-LARGEST_PNG = 1600  # pixels across
+WIDEST_PNG, LARGEST_PNG = 1600, 300_000  # pixels across, bytes
 SETTINGS = {
     "axes.grid": True,
     "axes.labelsize": 9,
@@ -85,12 +88,35 @@ def legend(figure, handles: list, notes: list[str], ncols: int) -> None:
 
 
 def save(figure, path: Path) -> None:
-    """Write PNG, PDF or SVG by the path's ending, the same bytes for the same figure. A PNG is small enough for a page."""
+    """Write PNG, PDF or SVG by the path's ending, the same bytes for the same figure; a PNG has at most ``LARGEST_PNG`` bytes."""
     if unsteady := {".pdf": "CreationDate", ".svg": "Date"}.get(path.suffix):
         figure.savefig(path, metadata={unsteady: None})
         return
-    dpi = min(SETTINGS["savefig.dpi"], LARGEST_PNG / figure.get_size_inches()[0])
-    figure.savefig(path, dpi=dpi, metadata={"Software": None}, pil_kwargs={"optimize": True})
+    path.write_bytes(_png(figure))
+
+
+def _png(figure) -> bytes:
+    """A figure in the most colours that fit into ``LARGEST_PNG``; with fewer dots where the fewest are still too many."""
+    dpi = min(SETTINGS["savefig.dpi"], WIDEST_PNG / figure.get_size_inches()[0])
+    while True:
+        drawn = BytesIO()
+        figure.savefig(drawn, format="png", dpi=dpi, pil_kwargs={"compress_level": 1})
+        with Image.open(drawn) as image:
+            for reduced in _reductions(image.convert("RGB")):
+                written = BytesIO()
+                reduced.save(written, "png", optimize=True, dpi=image.info["dpi"])
+                if (size := len(written.getvalue())) <= LARGEST_PNG:
+                    return written.getvalue()
+        dpi *= 0.95 * (LARGEST_PNG / size) ** 0.5
+
+
+def _reductions(image: Image.Image) -> Iterator[Image.Image]:
+    """A picture as it is, with 64 levels of red, green and blue, and in 256 colours."""
+    yield image
+    yield image.point([round(round(v * 63 / 255) * 255 / 63) for v in range(256)] * 3)
+    # of Pillow's palettes the one that moves no colour far, refined until hardly a pixel changes; dithered ones take more room
+    steady = image.width * image.height // 100
+    yield image.quantize(256, Image.Quantize.MAXCOVERAGE, kmeans=steady, dither=Image.Dither.NONE)
 
 
 def close(figure) -> None:
