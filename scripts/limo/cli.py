@@ -143,6 +143,13 @@ def make_parser() -> argparse.ArgumentParser:
         made.add_argument("--data", type=Path, default=Path("results/studies"), help="folder of datasets (default: %(default)s)")
         made.add_argument("--table", type=Path, default=Path("results/paper_check.csv"), help="default: %(default)s")
         made.add_argument("--page", type=Path, default=Path("results/paper_check.md"), help="default: %(default)s")
+    says = "keep the datasets of studies in the gallery, and draw its figures and its page from them"
+    with command(_gallery, "gallery", says, "", "afterload compliance", "--redraw") as made:
+        _studies(made, "all that are gathered")
+        made.add_argument("--redraw", action="store_true", help="draw what the gallery holds and copy nothing into it")
+        made.add_argument("--to", type=Path, default=Path("docs/gallery"), metavar="FOLDER", help="default: %(default)s")
+        _config(made)
+        _results(made)
     says = "delete what no study uses and what killed solvers left; without --yes only say what and how much that is"
     with command(
         _clean, "clean", says, "", "leftovers --yes", "cases --config config/config.yaml config/levers/config.yaml"
@@ -281,6 +288,13 @@ def _paper_check(chosen: argparse.Namespace) -> None:
     from limo.paper_check import write_check
 
     print(f"{write_check(chosen.data, chosen.table, chosen.page)}: {chosen.table}, {chosen.page}")
+
+
+def _gallery(chosen: argparse.Namespace) -> None:
+    from limo.gallery import make_gallery
+
+    for file in make_gallery(chosen.config, chosen.studies, chosen.results, chosen.to, redraw=chosen.redraw):
+        print(file)
 
 
 def _clean(chosen: argparse.Namespace) -> None:

@@ -283,7 +283,7 @@ class Newton(Section):
     first_shift: float = Field(1e6, gt=0, le=1e12, description="shift that the fit starts with, 1/s2 times mass", examples=[1e6])
     smallest_shift: float = Field(1e4, gt=0, le=1e12, description="shift that the iteration falls to, 1/s2", examples=[1e4])
     shift_growth: float = Field(5.0, gt=1, le=100, description="factor of the shift after a rejected step", examples=[5.0])
-    shift_decay: float = Field(0.3, gt=0, lt=1, description="factor of the shift after an accepted step", examples=[0.3])
+    shift_decay: float = Field(0.5, gt=0, lt=1, description="factor of the shift after an accepted step", examples=[0.5])
     iterations: int = Field(400, ge=5, le=100000, description="most iterations at one load", examples=[400])
 
     @model_validator(mode="after")

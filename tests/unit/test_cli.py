@@ -13,7 +13,7 @@ from limo.config import RULES, load_config
 
 COMMANDS = (
     "check", "new-study", "pattern", "status", "sweep", "show", "compare", "table", "benchmark", "performance", "clean",
-    "completion",
+    "completion", "paper-check", "gallery",
 )  # fmt: skip
 
 
@@ -124,7 +124,7 @@ def test_names_that_are_taken_or_cannot_be_write_nothing(project, name, capsys):
     ("words", "found"),
     [
         ([""], set(COMMANDS)),
-        (["st"], {"status"}),
+        (["sta"], {"status"}),
         (["status", "--w"], {"--watch"}),
         (["status", "press"], {"pressure_volume"}),
         (["status", "--cores", "8", "press"], {"pressure_volume"}),

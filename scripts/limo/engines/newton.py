@@ -40,9 +40,9 @@ LARGEST_SHIFT = 1e14
 REUSED_WHILE = 0.1
 #: forces count as load from this share of the internal ones and this value (N) on, for devices without pressure
 HELD_SHARE, SMALLEST_FORCE = 1e-3, 1e-9
-#: share of its volume that every integration point keeps in a step: St. Venant-Kirchhoff fabric does not resist being turned
-#: inside out and is at rest again as its own mirror image
-SMALLEST_VOLUME = 0.1
+#: share of its volume that every integration point keeps in a step, and of what is left of it where that is less already:
+#: St. Venant-Kirchhoff fabric gives way below a stretch of 1/sqrt(3) and is at rest again as its own mirror image
+SMALLEST_VOLUME, SHARE_LEFT = 0.6, 0.8
 TINY = np.finfo(float).tiny
 FIT, HOLD, RAMP = range(3)
 _CLOSE = 1e-6  # kPa, pressures closer than this are the same
@@ -257,6 +257,7 @@ class _Run:
         The shift is raised until the matrix is positive, the step no leap, and no element turned inside out by it.
         """
         state = self.state
+        smallest = min(SMALLEST_VOLUME, SHARE_LEFT * self.assembly.smallest_volume(self.displacements()))
         while True:
             negative = self.solver.factorise(values + state.shift * self.assembly.mass)
             state.factorisations += 1
@@ -266,7 +267,7 @@ class _Run:
                 largest = np.abs(step).max()
                 if largest <= self.rejected:
                     free = state.free + min(1.0, self.largest / max(largest, TINY)) * step
-                    if self.assembly.smallest_volume(self.displacements(free, share)) > SMALLEST_VOLUME:
+                    if self.assembly.smallest_volume(self.displacements(free, share)) > smallest:
                         return free, largest
             state.rejected += 1
             state.shift *= self.settings.shift_growth

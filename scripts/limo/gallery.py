@@ -1,0 +1,139 @@
+"""The gallery: datasets of the studies, small enough to keep, figures drawn from them alone, and a page of both.
+
+``data/<study>.nc`` and ``data/<study>_shapes.nc`` are what a study's figures are drawn from: no solver, and no other file.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import shutil
+from collections.abc import Iterable
+from importlib import import_module
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from limo.config import Loaded, load_config
+from limo.cost import duration
+from limo.errors import LimoError
+from limo.figures import SHAPES, style
+from limo.figures.measured import read_measured
+from limo.files import write_whole
+
+#: bytes that all of the gallery's data may take together
+LARGEST_DATA = 5_000_000
+PAGE = "README.md"
+_EXAMPLE = "limo gallery afterload"
+
+
+def keep(loaded: Loaded, studies: Iterable[str], results: Path, gallery: Path) -> list[Path]:
+    """Copy the datasets of studies (none: all that are gathered) from ``results`` into the gallery; returns the copies.
+
+    Raises ``LimoError`` for a study that is named and not gathered, and when the gallery's data would exceed
+    ``LARGEST_DATA``; nothing is copied then.
+    """
+    named = list(studies)
+    copies: dict[Path, Path] = {}
+    for name in named or loaded.studies:
+        folder = results / "studies" / name
+        if name in named and not (folder / "study.nc").exists():
+            raise LimoError(f"{folder / 'study.nc'}: not gathered yet; snakemake --cores 2 {name} does that")
+        for file, kept in (("study.nc", f"{name}.nc"), ("shapes.nc", f"{name}_shapes.nc")):
+            if (folder / file).exists():
+                copies[gallery / "data" / kept] = folder / file
+    stay = [f for f in (gallery / "data").glob("*") if f not in copies]
+    total = sum(f.stat().st_size for f in (*stay, *copies.values()))
+    if total > LARGEST_DATA:
+        raise LimoError(f"{gallery / 'data'}: {total / 1e6:.1f} MB together; {LARGEST_DATA / 1e6:g} MB is the most")
+    for target, source in copies.items():
+        write_whole(target, lambda path, source=source: shutil.copyfile(source, path))
+    return list(copies)
+
+
+def draw(loaded: Loaded, studies: Iterable[str], gallery: Path) -> list[Path]:
+    """Draw the figures of studies (none: all in the gallery) from the gallery's data, and its page; returns the files.
+
+    Raises ``LimoError`` for a study whose data are not there.
+    """
+    files = []
+    for name in list(studies) or _kept(loaded, gallery):
+        data = [gallery / "data" / f"{name}.nc", gallery / "data" / f"{name}_shapes.nc"]
+        study = loaded.studies[name]
+        measured = read_measured(Path(study.measured)) if study.measured else None
+        for figure in study.figures:
+            datasets = [_read(file) for file in data[: 1 + (figure in SHAPES)]]
+            drawn = import_module(f"limo.figures.{figure}").draw(datasets[0], measured, *datasets[1:])
+            files.append(gallery / f"{name}_{figure}.png")
+            write_whole(files[-1], lambda path, drawn=drawn: style.save(drawn, path))
+            style.close(drawn)
+    page = gallery / PAGE
+    write_whole(page, lambda path: path.write_text(_page(loaded, gallery), encoding="utf-8"))
+    return [*files, page]
+
+
+def make_gallery(config_file: str, studies: list[str], results: Path, gallery: Path, *, redraw: bool) -> list[Path]:
+    """Keep and draw studies; with ``redraw`` draw what the gallery already holds. Returns the files that were written."""
+    loaded = load_config(config_file)
+    loaded.require(studies, config_file, _EXAMPLE)
+    return [*([] if redraw else keep(loaded, studies, results, gallery)), *draw(loaded, studies, gallery)]
+
+
+def _kept(loaded: Loaded, gallery: Path) -> list[str]:
+    return [name for name in loaded.studies if (gallery / "data" / f"{name}.nc").exists()]
+
+
+def _read(file: Path) -> xr.Dataset:
+    try:
+        return xr.load_dataset(file)
+    except (OSError, ValueError) as error:
+        raise LimoError(f"{file}: not a dataset of the gallery ({error}); {_EXAMPLE} makes it") from None
+
+
+def _page(loaded: Loaded, gallery: Path) -> str:
+    names = _kept(loaded, gallery)
+    lines = [
+        "| study | cases | converged | engine and build | CPU of the solver | longest case | configuration |",
+        "|---" * 7 + "|",
+    ]
+    sections = []
+    for name in names:
+        dataset = _read(gallery / "data" / f"{name}.nc")
+        lines.append(_summary(name, dataset))
+        sections.append(f"## {name}\n\n{dataset.attrs['title'].partition(': ')[2] or name}.")
+        sections += [
+            f"![{figure} of {name}]({name}_{figure}.png)"
+            for figure in loaded.studies[name].figures
+            if (gallery / f"{name}_{figure}.png").exists()
+        ]
+        if gaps := style.gaps(dataset):
+            sections.append("\n".join(f"- {gap}" for gap in gaps))
+    return "\n\n".join(
+        [
+            "# Gallery",
+            "Written by `limo gallery`; do not edit. Datasets are in `data/`; `limo gallery --redraw` draws every figure from "
+            "them, without a solver. A case that several studies share was solved once and counts in each. The last column is a "
+            "hash of the resolved configuration that each dataset holds as its attribute `config`.",
+            "\n".join(lines),
+            *sections,
+        ]
+    ) + "\n"  # fmt: skip
+
+
+def _summary(name: str, dataset: xr.Dataset) -> str:
+    """A study's row: what solved its cases, and how long that took."""
+    seconds = dataset.solver_time.values
+    builds = sorted({re.sub(r" [0-9a-f]{16}\b", "", b) for b in map(str, dataset.solver_build.values.ravel()) if b})
+    engines = dataset.attrs["source"].rpartition(" engine ")[2]
+    configuration = hashlib.sha256(dataset.attrs["config"].encode()).hexdigest()[:10]
+    cells = (
+        name,
+        str(seconds.size),
+        str(int((dataset.case_status == "converged").sum())),
+        f"{engines} ({', '.join(builds)})",
+        duration(float(np.nansum(seconds))),
+        duration(float(np.nanmax(seconds))) if np.isfinite(seconds).any() else "-",
+        f"`{configuration}`",
+    )
+    return "| " + " | ".join(cells) + " |"

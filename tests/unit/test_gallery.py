@@ -1,0 +1,75 @@
+"""The gallery: what it copies, draws and says, and what it refuses."""
+
+from __future__ import annotations
+
+import shutil
+
+import pytest
+import yaml
+
+from limo import gallery
+from limo.cli import main
+from limo.config import load_config
+from limo.dataset import gather_study
+from limo.errors import LimoError
+
+
+@pytest.fixture
+def project(root, tmp_path, monkeypatch):
+    """A configuration with one study, whose dataset is gathered though none of its cases is solved."""
+    shutil.copytree(root / "config", tmp_path / "config")
+    for study in (tmp_path / "config/studies").iterdir():
+        study.unlink()
+    study = {
+        "description": "volumes of one device", "axes": {"n_pouches": [6], "ventricular_pressure": [3.8]},
+        "actuation_pressure_max": 60, "figures": ["pressure_volume"],
+    }  # fmt: skip
+    (tmp_path / "config/studies/one.yaml").write_text(yaml.safe_dump(study))
+    (tmp_path / "config/studies/pressure_volume.yaml").write_text(yaml.safe_dump(study | {"figures": []}))
+    folder = tmp_path / "results/studies/one"
+    folder.mkdir(parents=True)
+    loaded = load_config(tmp_path / "config/config.yaml")
+    gather_study(loaded, "one", tmp_path / "results/cases").to_netcdf(folder / "study.nc")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_what_is_gathered_is_kept_and_drawn_and_the_page_says_what_failed(project, capsys):
+    assert main(["gallery"]) == 0
+    made = project / "docs/gallery"
+    written = capsys.readouterr().out.split()
+    assert written == ["docs/gallery/data/one.nc", "docs/gallery/one_pressure_volume.png", "docs/gallery/README.md"]
+    assert (made / "data/one.nc").read_bytes() == (project / "results/studies/one/study.nc").read_bytes()
+    page = (made / "README.md").read_text()
+    assert "| one | 1 | 0 |" in page
+    assert "(one_pressure_volume.png)" in page
+    assert "missing, not solved" in page
+    assert "volumes of one device" in page
+
+
+def test_figures_come_from_the_gallery_alone(project):
+    assert main(["gallery", "one"]) == 0
+    figure = project / "docs/gallery/one_pressure_volume.png"
+    drawn = figure.read_bytes()
+    figure.unlink()
+    shutil.rmtree(project / "results")
+    assert main(["gallery", "--redraw"]) == 0
+    assert figure.read_bytes() == drawn
+
+
+def test_a_study_that_is_not_gathered_or_not_there_is_one_message(project, capsys):
+    assert main(["gallery", "pressure_volume"]) == 1
+    assert "results/studies/pressure_volume/study.nc: not gathered yet" in capsys.readouterr().err
+    assert main(["gallery", "two"]) == 1
+    assert "two" in capsys.readouterr().err
+    (project / "docs/gallery/data").mkdir(parents=True)
+    (project / "docs/gallery/data/one.nc").write_bytes(b"no netCDF")
+    assert main(["gallery", "--redraw"]) == 1
+    assert "not a dataset of the gallery" in capsys.readouterr().err
+
+
+def test_data_that_are_too_large_are_not_kept(project, monkeypatch):
+    monkeypatch.setattr(gallery, "LARGEST_DATA", 1000)
+    with pytest.raises(LimoError, match="is the most"):
+        gallery.keep(load_config("config/config.yaml"), [], project / "results", project / "gallery")
+    assert not (project / "gallery").exists()
