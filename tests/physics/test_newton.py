@@ -153,9 +153,9 @@ def airbag(case: Case, elements: int, thinner: float) -> Model:
     return Model(**{**free.__dict__, "fixed": tuple(fixed), "equations": tuple(equations), "pressures": load})
 
 
-@pytest.mark.parametrize("elements", [6, 8])
+@pytest.mark.parametrize("elements", [8, 10])
 def test_the_square_airbag_rises_as_high_as_published(case, elements):
-    """0.2166 m at the centre, as Jarasjarungkiat et al. (2009) found with 8 x 8 membranes.
+    """0.2166 m at the centre, as Jarasjarungkiat et al. (2009) found with 8 x 8 and 10 x 10 membranes (0.2167).
 
     The bending stiffness of sheets of the full thickness costs such coarse meshes some per cent: their wrinkles are too short.
     """
