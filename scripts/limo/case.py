@@ -174,7 +174,7 @@ def study_cases(loaded: Loaded, name: str) -> dict[tuple, Case]:
         for scale in study.axes.width_scale or [None]
     }
     # what the engine does not look at is no part of a case: changing it must change nothing that a case is compared by
-    numerics = {name: config.numerics_presets[s.numerics].for_engine(s.engine) for name, s in settings.items()}
+    numerics = {name: s.numerics.for_engine(s.engine) for name, s in settings.items()}
     cases = {}
     for key in product(*study_axes(loaded, name).values()):
         n_pouches, pressure, aspect, stiffness, scale, variant, branch = key
@@ -190,7 +190,7 @@ def study_cases(loaded: Loaded, name: str) -> dict[tuple, Case]:
             mesh=setting.mesh,
             mesh_level=config.mesh_levels[setting.mesh.level],
             numerics=numerics[variant],
-            numerics_name=setting.numerics,
+            numerics_name=setting.preset,
             frames=tuple(study.frames_for(pressure)),
             engine=setting.engine,
             build=loaded.builds.get(setting.engine, ""),
@@ -231,15 +231,15 @@ def cross_checks(loaded: Loaded, name: str) -> dict[tuple, Case]:
     """
     study = loaded.studies[name]
     cases = {key: case for key, case in study_cases(loaded, name).items() if not case.branch}
+    settings = loaded.settings(study)
     count, keys = min(study.cross_check, len(cases)), list(cases)
     places = [round(k * (len(keys) - 1) / max(count - 1, 1)) for k in range(count)]
-    return {keys[k]: _by_other_engine(loaded, cases[keys[k]]) for k in places}
+    return {keys[k]: _by_other_engine(loaded, cases[keys[k]], settings[keys[k][-2]].numerics) for k in places}
 
 
-def _by_other_engine(loaded: Loaded, case: Case) -> Case:
+def _by_other_engine(loaded: Loaded, case: Case, numerics: Numerics) -> Case:
     other = next(e for e in ENGINES if e != case.engine)
-    numerics = loaded.config.numerics_presets[case.numerics_name].for_engine(other)
-    return replace(case, engine=other, build=loaded.builds.get(other, ""), numerics=numerics)
+    return replace(case, engine=other, build=loaded.builds.get(other, ""), numerics=numerics.for_engine(other))
 
 
 @dataclass(frozen=True)

@@ -490,7 +490,11 @@ class Variant(Section):
     mesh: Mesh | None = Field(
         None, description="what differs in the mesh; keys left out are the study's", examples=[{"symmetry": "front_back"}]
     )
-    numerics: str | None = Field(None, pattern=NAME, description="another entry of numerics_presets", examples=["paper"])
+    numerics: Annotated[str, Field(pattern=NAME)] | dict[str, Any] | None = Field(
+        None,
+        description="another entry of numerics_presets, or what differs from the study's; keys left out are the study's",
+        examples=[{"ramp": {"damping": 1.0e5}}],
+    )
     engine: Engine | None = Field(None, description="another engine", examples=["newton"])
 
 
@@ -654,12 +658,19 @@ class Config(Section):
 
 @dataclass(frozen=True)
 class Setting:
-    """What the cases of a study, or of one of its variants, are solved with; device and numerics by their names."""
+    """What the cases of a study, or of one of its variants, are solved with; ``device`` and ``preset`` are names."""
 
     device: str
     mesh: Mesh
-    numerics: str
+    preset: str
+    numerics: Numerics
     engine: str
+
+
+def _merged(data: dict[str, Any], change: dict[str, Any]) -> dict[str, Any]:
+    """Nested ``data`` with the values of ``change`` in their places."""
+    both = {k: _merged(data[k], v) for k, v in change.items() if isinstance(v, dict) and isinstance(data.get(k), dict)}
+    return data | change | both
 
 
 class Loaded:
@@ -680,19 +691,23 @@ class Loaded:
                 raise ConfigError(file, "STUDY", name, f"one of: {', '.join(self.studies)}", example)
 
     def settings(self, study: Study) -> dict[str, Setting]:
-        """What a study uses, by the names of its variants; without variants by an empty name."""
-        config, mesh = self.config, study.mesh or self.config.mesh
-        return {
-            name: Setting(
-                variant.device or study.device,
-                mesh.model_copy(update={k: getattr(variant.mesh, k) for k in variant.mesh.model_fields_set})
-                if variant.mesh
-                else mesh,
-                variant.numerics or study.numerics or config.numerics,
-                variant.engine or study.engine or config.engine,
-            )
-            for name, variant in (study.variants or {"": Variant()}).items()
-        }
+        """What a study uses, by the names of its variants; without variants by an empty name.
+
+        Raises pydantic's ``ValidationError`` for changed numerics that are none, ``KeyError`` for a preset that is not there.
+        """
+        return {name: self._setting(study, variant) for name, variant in (study.variants or {"": Variant()}).items()}
+
+    def _setting(self, study: Study, variant: Variant) -> Setting:
+        mesh = study.mesh or self.config.mesh
+        if variant.mesh:
+            mesh = mesh.model_copy(update={k: getattr(variant.mesh, k) for k in variant.mesh.model_fields_set})
+        named = isinstance(variant.numerics, str)
+        preset = variant.numerics if named else study.numerics or self.config.numerics
+        numerics = self.config.numerics_presets[preset]
+        if variant.numerics and not named:
+            numerics = Numerics.model_validate(_merged(numerics.model_dump(exclude_unset=True), variant.numerics))
+        engine = variant.engine or study.engine or self.config.engine
+        return Setting(variant.device or study.device, mesh, preset, numerics, engine)
 
     def engines_of(self, study: Study) -> list[str]:
         """The engines that a study uses, of ``ENGINES``."""
@@ -709,7 +724,7 @@ class Loaded:
                 "device": self.devices[setting.device].model_dump(mode="json"),
                 "mesh": setting.mesh.model_dump(mode="json"),
                 "mesh_level": self.config.mesh_levels[setting.mesh.level].model_dump(mode="json"),
-                "numerics": self.config.numerics_presets[setting.numerics].model_dump(mode="json"),
+                "numerics": setting.numerics.model_dump(mode="json"),
                 "engine": setting.engine,
             }
             for name, setting in self.settings(study).items()
@@ -853,8 +868,16 @@ def _check_study(loaded: Loaded, path: Path, study: Study, cut: set[tuple[str, f
     """
     from limo.geometry import flat_pattern
 
-    for name, setting in loaded.settings(study).items():
-        _check_setting(loaded, path, study, f"variants.{name}." if name else "", setting)
+    for name, variant in (study.variants or {"": Variant()}).items():
+        prefix = f"variants.{name}." if name else ""
+        preset = variant.numerics if isinstance(variant.numerics, str) else study.numerics or loaded.config.numerics
+        _check_names(path, f"{prefix}numerics", preset, loaded.config.numerics_presets)
+        try:
+            setting = loaded._setting(study, variant)
+        except ValidationError as error:
+            found = _explain(Numerics, error, path)
+            raise ConfigError(path, f"{prefix}numerics.{found.key}", found.value, found.expected, found.example) from None
+        _check_setting(loaded, path, study, prefix, setting)
     for figure in study.figures:
         _check_names(path, "figures", figure, dict.fromkeys(FIGURES), listed=True)
         if (needed := NEEDS.get(figure, "volumes")) not in ("volumes", *study.outputs):
@@ -899,7 +922,6 @@ def _check_study(loaded: Loaded, path: Path, study: Study, cut: set[tuple[str, f
 def _check_setting(loaded: Loaded, path: Path, study: Study, prefix: str, setting: Setting) -> None:
     """What a study or a variant (its keys after ``prefix``) names must exist, and element and engine must fit together."""
     _check_names(path, f"{prefix}device", setting.device, loaded.devices)
-    _check_names(path, f"{prefix}numerics", setting.numerics, loaded.config.numerics_presets)
     _check_names(path, f"{prefix}mesh.level", setting.mesh.level, loaded.config.mesh_levels)
     element = setting.mesh.element
     if not element.startswith("S8"):

@@ -182,6 +182,7 @@ def test_variants_differ_from_the_study_in_what_they_name_only(loaded):
         "plain": Variant(),
         "half": Variant(mesh={"symmetry": "front_back"}),
         "literal": Variant(numerics="paper"),
+        "damped": Variant(numerics={"ramp": {"damping": 5.0e6}}),
         "other": Variant(engine="newton"),
         "small": Variant(device="mini_limo"),
     }
@@ -191,9 +192,11 @@ def test_variants_differ_from_the_study_in_what_they_name_only(loaded):
     assert found["plain"] == plain
     assert found["half"] == replace(plain, mesh=plain.mesh.model_copy(update={"symmetry": "front_back"}))
     assert found["literal"].numerics == loaded.config.numerics_presets["paper"].for_engine("calculix")
+    ramp = plain.numerics.ramp.model_copy(update={"damping": 5.0e6})
+    assert found["damped"] == replace(plain, numerics=plain.numerics.model_copy(update={"ramp": ramp}))
     assert found["other"].engine == "newton"
     assert found["small"].device == loaded.devices["mini_limo"]
-    assert len({case.case_id for case in found.values()}) == 5
+    assert len({case.case_id for case in found.values()}) == 6
 
 
 @pytest.mark.parametrize(("asked", "pouches"), [(0, []), (1, [4]), (2, [4, 10]), (3, [4, 8, 10]), (9, [4, 6, 8, 10])])

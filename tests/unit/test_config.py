@@ -115,6 +115,8 @@ MISTAKES = [
     (STUDY, ("mesh",), {"level": "preview", "element": "S8", "symmetry": "quarter"}, "full"),
     (STUDY, ("variants", "half", "pouches"), 8, "numerics"),
     (STUDY, ("variants", "half"), {"numerics": "quick"}, "fast"),
+    (STUDY, ("variants", "half", "numerics", "ramp", "damping"), -1.0, "greater than or equal to 0"),
+    (STUDY, ("variants", "half", "numerics", "ramp", "colour"), "red", "damping"),
     (STUDY, ("variants", "half"), {"device": "heart"}, "mini_limo"),
     (STUDY, ("variants", "half", "mesh", "level"), "huge", "preview"),
     (STUDY, ("variants", "a half"), {}, "pattern"),
@@ -330,7 +332,7 @@ def test_study_overrides_the_default_mesh_and_numerics(folder):
     edit(folder / STUDY, ("numerics",), "paper")
     loaded = load_config(folder / CONFIG)
     setting = loaded.settings(loaded.studies["pressure_volume"])[""]
-    assert (setting.mesh.level, setting.mesh.symmetry, setting.numerics) == ("coarse", "full", "paper")
+    assert (setting.mesh.level, setting.mesh.symmetry, setting.preset) == ("coarse", "full", "paper")
     content = loaded.content("pressure_volume")
     assert content["settings"][""]["mesh_level"] == loaded.config.mesh_levels["coarse"].model_dump(mode="json")
     assert json.loads(json.dumps(content)) == content, "goes into a dataset's attributes"
