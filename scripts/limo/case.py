@@ -169,8 +169,8 @@ def study_cases(loaded: Loaded, name: str) -> dict[tuple, Case]:
     study, config = loaded.studies[name], loaded.config
     settings = loaded.settings(study)
     devices = {
-        (setting.device, scale): _scaled(loaded.devices[setting.device], scale)
-        for setting in settings.values()
+        (variant, scale): _scaled(setting.device, scale)
+        for variant, setting in settings.items()
         for scale in study.axes.width_scale or [None]
     }
     # what the engine does not look at is no part of a case: changing it must change nothing that a case is compared by
@@ -180,8 +180,8 @@ def study_cases(loaded: Loaded, name: str) -> dict[tuple, Case]:
         n_pouches, pressure, aspect, stiffness, scale, variant, branch = key
         setting = settings[variant]
         cases[key] = Case(
-            device=devices[setting.device, scale if study.axes.width_scale else None],
-            device_name=setting.device,
+            device=devices[variant, scale if study.axes.width_scale else None],
+            device_name=setting.device_name,
             n_pouches=n_pouches,
             ventricular_pressure=pressure,
             actuation_pressure_max=study.maximum_for(pressure),

@@ -487,6 +487,9 @@ class Variant(Section):
 
     description: str = Field("", description="a few words", examples=["half of the device"])
     device: str | None = Field(None, pattern=NAME, description="another file in config/devices", examples=["mini_limo"])
+    material: dict[str, Any] = Field(
+        {}, description="what differs in the fabric; keys left out are the study's", examples=[{"thickness": 0.3}]
+    )
     mesh: Mesh | None = Field(
         None, description="what differs in the mesh; keys left out are the study's", examples=[{"symmetry": "front_back"}]
     )
@@ -507,6 +510,9 @@ class Study(Section):
 
     description: str = Field("", description="one sentence", examples=["pressure-volume curves"])
     device: str = Field("limo", pattern=NAME, description="name of a file in config/devices", examples=["limo"])
+    material: dict[str, Any] = Field(
+        {}, description="what differs in the fabric of the device; keys left out are the device's", examples=[{"thickness": 0.3}]
+    )
     engine: Engine | None = Field(
         None, description="what solves the cases, instead of the configuration's engine", examples=["newton"]
     )
@@ -658,9 +664,10 @@ class Config(Section):
 
 @dataclass(frozen=True)
 class Setting:
-    """What the cases of a study, or of one of its variants, are solved with; ``device`` and ``preset`` are names."""
+    """What the cases of a study, or of one of its variants, are solved with; ``device_name`` and ``preset`` are names."""
 
-    device: str
+    device_name: str
+    device: Device
     mesh: Mesh
     preset: str
     numerics: Numerics
@@ -693,7 +700,8 @@ class Loaded:
     def settings(self, study: Study) -> dict[str, Setting]:
         """What a study uses, by the names of its variants; without variants by an empty name.
 
-        Raises pydantic's ``ValidationError`` for changed numerics that are none, ``KeyError`` for a preset that is not there.
+        Raises pydantic's ``ValidationError`` for changed numerics or material that are none, ``KeyError`` for a name that is not
+        there.
         """
         return {name: self._setting(study, variant) for name, variant in (study.variants or {"": Variant()}).items()}
 
@@ -706,8 +714,11 @@ class Loaded:
         numerics = self.config.numerics_presets[preset]
         if variant.numerics and not named:
             numerics = Numerics.model_validate(_merged(numerics.model_dump(exclude_unset=True), variant.numerics))
-        engine = variant.engine or study.engine or self.config.engine
-        return Setting(variant.device or study.device, mesh, preset, numerics, engine)
+        device_name = variant.device or study.device
+        device = self.devices[device_name]
+        if change := study.material | variant.material:
+            device = device.model_copy(update={"material": Material.model_validate(device.material.model_dump() | change)})
+        return Setting(device_name, device, mesh, preset, numerics, variant.engine or study.engine or self.config.engine)
 
     def engines_of(self, study: Study) -> list[str]:
         """The engines that a study uses, of ``ENGINES``."""
@@ -721,7 +732,7 @@ class Loaded:
         sections = {"study": study.model_dump(mode="json", exclude={"figures", "measured"})}
         sections["settings"] = {
             name: {
-                "device": self.devices[setting.device].model_dump(mode="json"),
+                "device": setting.device.model_dump(mode="json"),
                 "mesh": setting.mesh.model_dump(mode="json"),
                 "mesh_level": self.config.mesh_levels[setting.mesh.level].model_dump(mode="json"),
                 "numerics": setting.numerics.model_dump(mode="json"),
@@ -872,11 +883,14 @@ def _check_study(loaded: Loaded, path: Path, study: Study, cut: set[tuple[str, f
         prefix = f"variants.{name}." if name else ""
         preset = variant.numerics if isinstance(variant.numerics, str) else study.numerics or loaded.config.numerics
         _check_names(path, f"{prefix}numerics", preset, loaded.config.numerics_presets)
+        _check_names(path, f"{prefix}device", variant.device or study.device, loaded.devices)
         try:
             setting = loaded._setting(study, variant)
         except ValidationError as error:
-            found = _explain(Numerics, error, path)
-            raise ConfigError(path, f"{prefix}numerics.{found.key}", found.value, found.expected, found.example) from None
+            model, key = (Material, "material") if error.title == "Material" else (Numerics, "numerics")
+            prefix = prefix if key == "numerics" or variant.material else ""
+            found = _explain(model, error, path)
+            raise ConfigError(path, f"{prefix}{key}.{found.key}", found.value, found.expected, found.example) from None
         _check_setting(loaded, path, study, prefix, setting)
     for figure in study.figures:
         _check_names(path, "figures", figure, dict.fromkeys(FIGURES), listed=True)
@@ -909,7 +923,7 @@ def _check_study(loaded: Loaded, path: Path, study: Study, cut: set[tuple[str, f
                 raise ConfigError(
                     path, key, beyond[0], f"pressures up to actuation_pressure_max = {maximum:g} kPa", f"{key}: [0, max]"
                 )
-    for name in {setting.device for setting in loaded.settings(study).values()}:
+    for name in {setting.device_name for setting in loaded.settings(study).values()}:
         device = loaded.devices[name]
         for scale in study.axes.width_scale or [device.pattern.width_scale]:
             for n_pouches in study.axes.n_pouches:
@@ -921,7 +935,6 @@ def _check_study(loaded: Loaded, path: Path, study: Study, cut: set[tuple[str, f
 
 def _check_setting(loaded: Loaded, path: Path, study: Study, prefix: str, setting: Setting) -> None:
     """What a study or a variant (its keys after ``prefix``) names must exist, and element and engine must fit together."""
-    _check_names(path, f"{prefix}device", setting.device, loaded.devices)
     _check_names(path, f"{prefix}mesh.level", setting.mesh.level, loaded.config.mesh_levels)
     element = setting.mesh.element
     if not element.startswith("S8"):

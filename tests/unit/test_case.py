@@ -184,6 +184,7 @@ def test_variants_differ_from_the_study_in_what_they_name_only(loaded):
         "literal": Variant(numerics="paper"),
         "damped": Variant(numerics={"ramp": {"damping": 5.0e6}}),
         "other": Variant(engine="newton"),
+        "thick": Variant(material={"thickness": 0.3}),
         "small": Variant(device="mini_limo"),
     }
     axes = Axes(n_pouches=[8], ventricular_pressure=[3.8])
@@ -194,9 +195,11 @@ def test_variants_differ_from_the_study_in_what_they_name_only(loaded):
     assert found["literal"].numerics == loaded.config.numerics_presets["paper"].for_engine("calculix")
     ramp = plain.numerics.ramp.model_copy(update={"damping": 5.0e6})
     assert found["damped"] == replace(plain, numerics=plain.numerics.model_copy(update={"ramp": ramp}))
+    assert (found["thick"].device.material.thickness, plain.device.material.thickness) == (0.3, 0.19)
+    assert found["thick"].device.pattern == plain.device.pattern
     assert found["other"].engine == "newton"
     assert found["small"].device == loaded.devices["mini_limo"]
-    assert len({case.case_id for case in found.values()}) == 6
+    assert len({case.case_id for case in found.values()}) == 7
 
 
 @pytest.mark.parametrize(("asked", "pouches"), [(0, []), (1, [4]), (2, [4, 10]), (3, [4, 8, 10]), (9, [4, 6, 8, 10])])
