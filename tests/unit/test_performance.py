@@ -27,8 +27,8 @@ def measured(loaded, tmp_path):
     status = {
         "status": "timed_out", "solver": {"version": "2.20", "build": "stock"}, "elements": 100,
         "actuation_pressure_reached": 26.0, "iterations_by_stage": {"fit": 10, "hold": 5, "ramp": 85}, "rejected_attempts": 3,
-        "increments": 20, "dissipated_fraction": 0.04, "solver_cpu_seconds": 120.0, "python_cpu_seconds": 2.0, "solver_wall_seconds": 130.0,
-        "solver_memory_mib": 100.0,
+        "increments": 20, "dissipated_fraction": 0.04, "solver_cpu_seconds": 120.0, "python_cpu_seconds": 2.0,
+        "solver_wall_seconds": 130.0, "solver_memory_mib": 100.0,
     }  # fmt: skip
     write_json(folder / "status.json", status)
     return measurements(one, make_plan(one, tmp_path), "levers", ["base"], tmp_path)
