@@ -38,6 +38,8 @@ log = logging.getLogger(__name__)
 LARGEST_SHIFT = 1e14
 #: a factor is used again while the residual falls below this share of the one before
 REUSED_WHILE = 0.1
+#: an equilibrium was easy to find with at most this many factorisations
+EASY = 4
 #: forces count as load from this share of the internal ones and this value (N) on, for devices without pressure
 HELD_SHARE, SMALLEST_FORCE = 1e-3, 1e-9
 #: share of its volume that every integration point keeps in a step, and of what is left of it where that is less already:
@@ -87,12 +89,7 @@ def solve(model: Model, solver: Solver, start: np.ndarray | None = None) -> Path
         else:
             run.start_from(start)
         run.advance(HOLD, 1.0, case.ventricular_pressure, 0.0)
-        before = 0.0
-        for pressure in load_steps(settings.load_step, case.actuation_pressure_max):
-            for frame in (f for f in case.frames if before + _CLOSE < f < pressure - _CLOSE):
-                run.visit(RAMP, 1.0, case.ventricular_pressure, frame)
-            run.advance(RAMP, 1.0, case.ventricular_pressure, pressure)
-            before = pressure
+        run.ramp()
     except _StopError as stop:
         status, reason = stop.status, stop.reason
     except FactorisationError as error:
@@ -126,15 +123,6 @@ def solve(model: Model, solver: Solver, start: np.ndarray | None = None) -> Path
             "largest_residual": max(run.residuals, default=None),
         },
     )
-
-
-def load_steps(step: float, maximum: float) -> np.ndarray:
-    """Actuation pressures (kPa) of the ramp: multiples of ``step`` and the maximum.
-
-    A lower maximum leaves the steps below it as they are, so that a case that goes further passes through the same states.
-    """
-    pressures = step * np.arange(1, int(np.ceil(maximum / step)) + 1)
-    return np.append(pressures[pressures < maximum - _CLOSE], maximum)
 
 
 class _Run:
@@ -223,6 +211,23 @@ class _Run:
         log.info(
             "%s, P_a = %.4g kPa: %d iterations so far, shift %.1e", name, actuation, sum(state.iterations.values()), state.shift
         )
+
+    def ramp(self) -> None:
+        """Raise P_a in multiples of ``load_step`` to its maximum, several of them at once where that is easy.
+
+        A lower maximum leaves the steps below it as they are, so that a case that goes further passes through the same states.
+        """
+        case, settings, state = self.model.case, self.settings, self.state
+        ventricular, maximum = case.ventricular_pressure, case.actuation_pressure_max
+        pressure, steps, easy = 0.0, 0, False
+        while pressure < maximum - _CLOSE:
+            steps += settings.easy_steps if easy else 1
+            before, pressure = pressure, min(steps * settings.load_step, maximum)
+            for frame in (f for f in case.frames if before + _CLOSE < f < pressure - _CLOSE):
+                self.visit(RAMP, 1.0, ventricular, frame)
+            done = sum(state.iterations.values())
+            self.advance(RAMP, 1.0, ventricular, pressure)
+            easy = sum(state.iterations.values()) - done <= EASY
 
     def visit(self, stage: int, share: float, ventricular: float, actuation: float) -> None:
         """Keep the equilibrium at loads between two steps and come back: what is looked at must not turn the path."""
