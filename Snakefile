@@ -31,7 +31,10 @@ if RENDERER_LACKS and workflow.is_main_process:
 MESHES = {MESH_IDS[name]: case for name, case in PLAN.cases.items()}
 # what decides no result, such as paths and limits of time: scripts find it here, where no change re-runs them
 config["file"] = CONFIG_FILE
-config["solving"] = {"solver": LOADED.config.solver.model_dump(mode="json"), "command": str(CCX or "")}
+config["solving"] = {
+    **{part: getattr(LOADED.config, part).model_dump(mode="json") for part in ("solver", "limits", "recovery")},
+    "command": str(CCX or ""),
+}
 
 
 include: "workflow/rules/common.smk"

@@ -17,7 +17,11 @@ from limo.config import ENGINES, OUTPUTS, Device, Loaded, Mesh, MeshLevel, Numer
 PACKAGE = Path(__file__).parent
 #: modules whose code decides what a mesh looks like
 MESH_CODE = ("geometry", "mesh", "elements")
-_SOLUTION_CODE = (*MESH_CODE, "model", "volumes", "energy", "kinematics", "buckling", "engines.__init__", "solution")
+_JUDGE_CODE = ("judge", "recovery", "equilibrium", "layer", "constitutive")
+_SOLUTION_CODE = (
+    *(*MESH_CODE, "model", "volumes", "energy", "kinematics", "buckling", "engines.__init__", "solution"),
+    *_JUDGE_CODE,
+)
 #: the same for a solution, by engine
 SOLVE_CODE = {
     "calculix": (*_SOLUTION_CODE, "deck", "frd", "engines.calculix"),

@@ -353,9 +353,64 @@ class Solver(Section):
         examples=["stock"],
     )
     threads: int = Field(1, ge=1, le=64, description="threads a case; one is bit-reproducible", examples=[1])
-    time_limit: float = Field(120.0, gt=0, description="minutes of wall time a case may take", examples=[120.0])
+    time_limit: float = Field(120.0, gt=0, description="minutes of wall time an attempt at a case may take", examples=[120.0])
     stall_limit: float = Field(
         10.0, gt=0, description="minutes without a new Newton iteration before a case is stopped", examples=[10.0]
+    )
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# what is right, and what is tried when it is not
+
+
+class Limits(Section):
+    """What a solved case must keep to count as converged; beyond it is degraded, far beyond it has failed (``limo.judge``)."""
+
+    residual: float = Field(
+        0.02, gt=0, le=1, description="force resultants out of equilibrium over the applied load", examples=[0.02]
+    )
+    viscous_share: float = Field(0.05, gt=0, le=1, description="damping and inertia over the applied load", examples=[0.05])
+    dissipated_fraction: float = Field(
+        0.5, gt=0, le=1, description="dissipated share of the actuation work, snaps included", examples=[0.5]
+    )
+    energy_created: float = Field(
+        0.05, gt=0, le=1, description="largest fall of the dissipated energy over the actuation work", examples=[0.05]
+    )
+    jump: float = Field(
+        0.25,
+        gt=0,
+        le=1,
+        description="change of a volume between increments that is no buckling event, over the ventricle at rest",
+        examples=[0.25],
+    )
+
+
+#: stands in the keys of a rung for the stage in which the attempt before failed
+FAILED_STAGE = "failed"
+
+
+class Rung(Section):
+    """How numerics change, on top of the rungs before, for another attempt at a case that failed."""
+
+    name: str = Field(pattern=NAME, max_length=40, description="what the attempt is called", examples=["smaller_start"])
+    multiply: dict[str, Annotated[float, Field(gt=0, le=1e6)]] = Field(
+        min_length=1,
+        description="keys of a numerics preset and factors of their values; failed stands for the stage that failed",
+        examples=[{"first_increment": 0.1, "failed.damping": 10}],
+    )
+
+
+Ladder = Annotated[list[Rung], Field(max_length=10)]
+
+
+class Recovery(Section):
+    """What is tried in turn, by engine, when a case diverges, stalls or times out."""
+
+    calculix: Ladder = Field(
+        [], description="rungs of CalculiX", examples=[[{"name": "smaller_start", "multiply": {"first_increment": 0.1}}]]
+    )
+    newton: Ladder = Field(
+        [], description="rungs of newton", examples=[[{"name": "smaller_load_steps", "multiply": {"newton.load_step": 0.25}}]]
     )
 
 
@@ -608,6 +663,8 @@ class Config(Section):
     mesh_levels: dict[Annotated[str, Field(pattern=NAME)], MeshLevel] = Field(min_length=1, description="mesh levels by name")
     numerics_presets: dict[Annotated[str, Field(pattern=NAME)], Numerics] = Field(min_length=1, description="numerics by name")
     solver: Solver = Solver()
+    limits: Limits = Field(Limits(), description="what a case must keep to count as converged")
+    recovery: Recovery = Field(Recovery(), description="what is tried in turn when a case fails")
     fatigue: Fatigue = Field(Fatigue(), description="strain-life curve of the fatigue output, each number with its origin")
 
 
@@ -766,10 +823,29 @@ def load_config(path: str | Path = "config/config.yaml") -> Loaded:
             raise ConfigError(path, "studies", name, f"a study in {path.parent}/studies: {names}", "studies: [pressure_volume]")
     _check_names(path, "mesh.level", config.mesh.level, config.mesh_levels)
     _check_names(path, "numerics", config.numerics, config.numerics_presets)
+    _check_recovery(path, config)
     cut: set[tuple[str, float, int]] = set()
     for name, study in studies.items():
         _check_study(loaded, files[f"studies/{name}"], study, cut)
     return loaded
+
+
+def _check_recovery(path: Path, config: Config) -> None:
+    """Every rung must be possible with every preset."""
+    from limo.recovery import check_ladder
+
+    for engine in ENGINES:
+        rungs: list[Rung] = getattr(config.recovery, engine)
+        names = [rung.name for rung in rungs]
+        example = "recovery: {newton: [{name: smaller_load_steps, multiply: {newton.load_step: 0.25}}]}"
+        if len(set(names)) < len(names):
+            raise ConfigError(path, f"recovery.{engine}", names, "no name twice", example)
+        for preset, numerics in config.numerics_presets.items():
+            try:
+                check_ladder(rungs, numerics)
+            except ValueError as error:
+                expected = f"factors that leave the preset {preset} in its ranges ({error})"
+                raise ConfigError(path, f"recovery.{engine}", names, expected, example) from None
 
 
 def _check_names(path: Path, key: str, value: str, known: dict[str, Any], *, listed: bool = False) -> None:

@@ -24,6 +24,9 @@ def logged(log_file: str) -> Iterator[logging.Logger]:
     except LimoError as error:
         log.error("%s", error)
         sys.exit(str(error))
+    except (OSError, MemoryError) as error:  # of the machine: a full disk, a folder that cannot be written, no memory
+        log.error("%s", error or type(error).__name__)
+        sys.exit(str(error) or type(error).__name__)
     except Exception:
         log.exception("unexpected")
         raise

@@ -19,6 +19,7 @@ from limo.errors import LimoError
 from limo.files import write_json
 
 LOCK, FILE = "lock", "run/progress.json"  # in the folder of a case
+NUMERICS = "numerics.json"  # in the folder of a run: numerics that a recovery ladder has changed
 INTERVAL = 0.3  # s between two progress files
 _TRIES, _PAUSE = 20, 0.05  # a reader holds the lock for an instant
 _listener: ContextVar[Callable[[dict[str, object]], None] | None] = ContextVar("listener", default=None)

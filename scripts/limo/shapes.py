@@ -275,7 +275,7 @@ def _event(model: Model, frames: CaseFrames, node: np.ndarray, maximum: float) -
     try:
         with xr.open_dataset(frames.file.with_name("volumes.nc")) as history:
             ramp = ramp_of(history.load())
-    except (OSError, ValueError, KeyError) as error:
+    except (OSError, ValueError, KeyError, RuntimeError) as error:
         raise ResultError(f"{frames.file.with_name('volumes.nc')}: not the volumes of a case ({error})") from None
     volume = ramp.ventricle_volume.values
     jumps = events(ramp.actuation_pressure.values, volume[:1] - volume)

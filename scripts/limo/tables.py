@@ -68,7 +68,7 @@ def study_table(path: Path) -> str:
     try:
         with xr.open_dataset(path) as opened:
             dataset = opened.load()
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RuntimeError) as error:
         raise ResultError(f"{path}: not a study's dataset ({error})") from None
     dims = list(dataset.case_status.dims)
     cases = dataset.stack(case=dims)

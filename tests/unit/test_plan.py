@@ -236,7 +236,7 @@ def test_a_folder_under_another_name_or_of_another_version_serves_nobody(studies
     (case_id,) = plan.to_solve
     (results.path / "cases" / case_id).rename(results.path / "cases" / f"{case_id[:-10]}0123456789")
     assert make_plan(studies(a={"actuation_pressure_max": 50}), results.path).to_solve
-    (one,) = solved_cases(results.path).values()
+    (one,) = solved_cases(results.path)[0].values()
     assert one.case is None
 
 

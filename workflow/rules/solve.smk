@@ -19,6 +19,7 @@ rule solve_case:
     params:
         case=lambda wildcards: PLAN.cases[wildcards.case].to_dict(),
         code=lambda wildcards: solve_code(PLAN.cases[wildcards.case].engine),
+        recovery=lambda wildcards: PLAN.recovery_of(wildcards.case),
     message:
         "Solve {wildcards.case}, predicted {resources.predicted_seconds} s of CPU time"
     script:
