@@ -7,13 +7,14 @@ from snakemake.logging import logger
 
 sys.path.insert(0, str(Path(workflow.basedir) / "scripts"))
 
-from limo.case import FIELD_CODE, GATHER_CODE, MEASURE_CODE, MESH_CODE, SHAPE_CODE, code_digest, digest, solve_code
+from limo.case import FIELD_CODE, GATHER_CODE, MEASURE_CODE, MESH_CODE, SHAPE_CODE, STRESS_TEST_CODE, code_digest, digest, solve_code
 from limo.config import load_config
 from limo.cost import plan_costs, ranks
 from limo.engines.find import find_engines
 from limo.errors import LimoError
 from limo.figures import SHAPES, items_of, renderer_lacks
 from limo.plan import make_plan
+from limo.sampling import stress_cases
 
 CONFIG_FILE = config.get("file", "config/config.yaml")
 try:
@@ -22,7 +23,8 @@ try:
 except LimoError as error:
     raise WorkflowError(str(error)) from None
 
-PLAN = make_plan(LOADED)
+STRESS_TEST = {key: case.case_id for key, case in stress_cases(LOADED).items()}
+PLAN = make_plan(LOADED).with_cases(stress_cases(LOADED).values())
 COSTS = plan_costs(PLAN)
 MESH_IDS = {name: case.mesh_id for name, case in PLAN.cases.items()}
 RENDERER_LACKS = renderer_lacks()
@@ -53,6 +55,7 @@ include: "workflow/rules/solve.smk"
 include: "workflow/rules/measure.smk"
 include: "workflow/rules/aggregate.smk"
 include: "workflow/rules/figures.smk"
+include: "workflow/rules/stress_test.smk"
 
 
 for name in LOADED.studies:

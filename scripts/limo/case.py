@@ -32,6 +32,8 @@ FIELD_CODE = ("elements", "kinematics", "mesh", "model", "constitutive", "layer"
 MEASURE_CODE = (*FIELD_CODE, "stress", "equilibrium", "buckling", "contact", "measures")
 #: modules whose code decides what shapes of a study are kept for its figures
 SHAPE_CODE = (*FIELD_CODE, "buckling", "contact", "shapes")
+#: modules whose code decides what is gathered of a stress test
+STRESS_TEST_CODE = ("reliability", "assembly", "equilibrium", "model")
 #: modules whose code decides what a study's dataset holds
 GATHER_CODE = ("dataset", "efficiency", "solution", "measures")
 

@@ -29,7 +29,17 @@ Symmetry = Literal["full", "front_back", "quarter"]
 Point = tuple[Annotated[float, Field(ge=0, le=2)], Annotated[float, Field(ge=0, le=1.2)]]
 SplinePoints = Annotated[list[Point], Field(min_length=2)]
 #: rules of the workflow, whose names a study cannot have because it becomes a rule itself
-RULES = ("all", "mesh_device", "solve_case", "measure_case", "write_fields", "gather_study", "gather_shapes", "draw_figure")
+RULES = (
+    "all",
+    "mesh_device",
+    "solve_case",
+    "measure_case",
+    "write_fields",
+    "gather_study",
+    "gather_shapes",
+    "draw_figure",
+    "stress_test",
+)
 NAME = r"^[A-Za-z][A-Za-z0-9_]*$"
 
 
@@ -649,6 +659,61 @@ class Study(Section):
         return tuple(o for o in OUTPUTS[1:] if o in self.outputs)
 
 
+Even = Annotated[int, Field(ge=2, le=16, multiple_of=2)]
+
+
+class Box(Section):
+    """Ranges of the parameters that a stress test draws from: lowest and highest, the same for one that stays."""
+
+    samples: int = Field(ge=1, le=10000, description="cases of the Latin hypercube", examples=[60])
+    corners: Literal[0, 16] = Field(
+        0, description="16: these corners too, a fractional factorial design of resolution IV", examples=[16]
+    )
+    n_pouches: tuple[Even, Even] = Field(description="N_p, even, uniform", examples=[[2, 12]])
+    ventricular_pressure: tuple[Pressure, Pressure] = Field(description="P_v in kPa, uniform", examples=[[0, 30]])
+    aspect_ratio: tuple[Annotated[float, Field(ge=1, le=10)], Annotated[float, Field(ge=1, le=10)]] = Field(
+        description="AR of the valve support, uniform", examples=[[1, 4]]
+    )
+    stiffness_ratio: tuple[Annotated[float, Field(gt=0, le=100)], Annotated[float, Field(gt=0, le=100)]] = Field(
+        description="E_hat, uniform in its logarithm", examples=[[0.1, 4]]
+    )
+    thickness: tuple[Annotated[float, Field(gt=0, le=5)], Annotated[float, Field(gt=0, le=5)]] = Field(
+        description="of the fabric in mm, uniform in its logarithm; its density stays", examples=[[0.05, 0.5]]
+    )
+    modulus_factor: tuple[Annotated[float, Field(gt=0, le=100)], Annotated[float, Field(gt=0, le=100)]] = Field(
+        description="factor of the fabric's modulus, uniform in its logarithm", examples=[[0.1, 10]]
+    )
+    width_scale: tuple[Annotated[float, Field(ge=0.5, le=1.5)], Annotated[float, Field(ge=0.5, le=1.5)]] = Field(
+        description="of the device, uniform", examples=[[0.8, 1.2]]
+    )
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Box:
+        for name in BOX_AXES:
+            if getattr(self, name)[0] > getattr(self, name)[1]:
+                raise ValueError(f"{name}: the lower end first")
+        return self
+
+
+#: parameters of a stress test in the order of its hypercube
+BOX_AXES = (
+    *("n_pouches", "ventricular_pressure", "aspect_ratio", "stiffness_ratio"),
+    *("thickness", "modulus_factor", "width_scale"),
+)
+
+
+class StressTest(Section):
+    """Cases over boxes of parameters, solved to see what fails (``snakemake stress_test``)."""
+
+    device: str = Field("limo", pattern=NAME, description="name of a file in config/devices", examples=["limo"])
+    engines: list[Engine] = Field(min_length=1, description="each solves every case", examples=[["newton"]])
+    mesh: Mesh = Field(Mesh(), description="mesh of its cases")
+    numerics: str | None = Field(None, pattern=NAME, description="name of a preset, instead of the default", examples=["fast"])
+    seed: int = Field(1, ge=0, le=2**32 - 1, description="of the hypercube", examples=[1])
+    actuation_above: float = Field(40.0, gt=0, le=500, description="P_a,max - P_v in kPa", examples=[40.0])
+    boxes: dict[Annotated[str, Field(pattern=NAME)], Box] = Field(min_length=1, description="boxes by name")
+
+
 class Config(Section):
     """``config/config.yaml``: what runs by default and the presets that studies name."""
 
@@ -665,6 +730,7 @@ class Config(Section):
     solver: Solver = Solver()
     limits: Limits = Field(Limits(), description="what a case must keep to count as converged")
     recovery: Recovery = Field(Recovery(), description="what is tried in turn when a case fails")
+    stress_test: StressTest | None = Field(None, description="cases that look for what fails")
     fatigue: Fatigue = Field(Fatigue(), description="strain-life curve of the fatigue output, each number with its origin")
 
 
@@ -824,6 +890,8 @@ def load_config(path: str | Path = "config/config.yaml") -> Loaded:
     _check_names(path, "mesh.level", config.mesh.level, config.mesh_levels)
     _check_names(path, "numerics", config.numerics, config.numerics_presets)
     _check_recovery(path, config)
+    if config.stress_test:
+        _check_stress_test(path, loaded, config.stress_test)
     cut: set[tuple[str, float, int]] = set()
     for name, study in studies.items():
         _check_study(loaded, files[f"studies/{name}"], study, cut)
@@ -846,6 +914,16 @@ def _check_recovery(path: Path, config: Config) -> None:
             except ValueError as error:
                 expected = f"factors that leave the preset {preset} in its ranges ({error})"
                 raise ConfigError(path, f"recovery.{engine}", names, expected, example) from None
+
+
+def _check_stress_test(path: Path, loaded: Loaded, test: StressTest) -> None:
+    """What a stress test names must exist; layouts that cannot be cut are found when it is run."""
+    _check_names(path, "stress_test.device", test.device, loaded.devices)
+    _check_names(path, "stress_test.mesh.level", test.mesh.level, loaded.config.mesh_levels)
+    if test.numerics:
+        _check_names(path, "stress_test.numerics", test.numerics, loaded.config.numerics_presets)
+    if "newton" in test.engines and test.mesh.element.startswith("S8"):
+        raise ConfigError(path, "stress_test.mesh.element", test.mesh.element, "C3D20R or C3D20", "element: C3D20R")
 
 
 def _check_names(path: Path, key: str, value: str, known: dict[str, Any], *, listed: bool = False) -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import logging
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -172,6 +173,21 @@ class Plan:
         if case_id in self.damaged:
             return f"{ladder}-{self.damaged[case_id]}"
         return self.solved[case_id].next_recovery(ladder) if case_id in self.solved else f"{ladder}-0"
+
+    def with_cases(self, cases: Iterable[Case]) -> Plan:
+        """The same plan and cases that no study asks for, each served by itself."""
+        added = {case.case_id: case for case in cases}
+        to_solve = {
+            name
+            for name, case in added.items()
+            if (one := self.solved.get(name)) is None
+            or not (one.current and one.settled(self.ladders[case.engine]) and holds(one.frames, set(case.frames)))
+        }
+        return replace(
+            self,
+            cases=self.cases | {n: c for n, c in added.items() if n not in self.cases},
+            to_solve=self.to_solve | (to_solve - self.cases.keys()),
+        )
 
     def of_study(self, name: str) -> list[str]:
         """Ids of the cases that serve a study, each once, in the order of its grid."""

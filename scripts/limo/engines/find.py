@@ -14,6 +14,7 @@ def find_engines(loaded: Loaded, config_file: str) -> Path | None:
     Raises ``ConfigError`` or ``SolverNotFoundError``.
     """
     used = {loaded.engine_of(study) for study in loaded.studies.values()}
+    used.update(loaded.config.stress_test.engines if loaded.config.stress_test else ())
     used.update(ENGINES if any(study.cross_check for study in loaded.studies.values()) else ())
     if "newton" in used:
         loaded.builds["newton"] = f"mkl-{pardiso.mkl_version()}"
