@@ -14,8 +14,10 @@ from limo.engines.find import find_engines
 from limo.errors import LimoError
 from limo.figures import SHAPES, items_of, renderer_lacks
 from limo.plan import make_plan
+from limo.progress import enter_sweep
 from limo.sampling import stress_cases
 
+SWEEP = enter_sweep(Path("results"), Path(".snakemake/locks")) if workflow.is_main_process else None
 CONFIG_FILE = config.get("file", "config/config.yaml")
 try:
     LOADED = load_config(CONFIG_FILE)
