@@ -835,7 +835,7 @@ def _explain(model: type[Section], error: ValidationError, path: Path) -> Config
         keys.append(part)
     key, value = ".".join(keys) or "(file)", first["input"]
     if isinstance(value, dict) and len(value) > 4:
-        value = "{" + ", ".join(map(str, value)) + "}"
+        value = "{" + ", ".join(map(str, value))[:500] + "}"
     if first["type"] == "extra_forbidden":
         known = ", ".join(sorted(getattr(owner or model, "model_fields", {})))
         return ConfigError(path, key, value, f"no such key; known here: {known}", "see config/README.md")
@@ -871,7 +871,7 @@ def load_config(path: str | Path = "config/config.yaml") -> Loaded:
     def read_all(folder: str, model: type[Section]) -> dict[str, Any]:
         found = {}
         for file in sorted((path.parent / folder).glob("*.y*ml")):
-            if not re.match(NAME, file.stem):
+            if not re.fullmatch(NAME.strip("^$"), file.stem):
                 raise ConfigError(file, "(file name)", file.stem, "letters, digits and _, a letter first", "my_study.yaml")
             if model is Study and file.stem in RULES:
                 raise ConfigError(file, "(file name)", file.stem, "a name that no rule of the workflow has", "my_study.yaml")

@@ -18,7 +18,7 @@ from limo.case import Case, cross_checks, study_cases
 from limo.config import Loaded
 from limo.efficiency import efficiency_at_stroke, io_ratio
 from limo.errors import ResultError
-from limo.files import read_json
+from limo.files import UNREADABLE, read_json
 from limo.judge import USABLE
 from limo.measures import gather_measures
 from limo.solution import ramp_of
@@ -213,7 +213,7 @@ def _read_case(case: Case, folder: Path, pressures: np.ndarray) -> tuple[dict, d
         status = read_json(folder / "status.json")
         with xr.open_dataset(folder / "volumes.nc") as history:
             values = curves(history.load(), case.ventricular_pressure, pressures, case.actuation_pressure_max)
-    except (ResultError, OSError, ValueError, KeyError, RuntimeError) as error:
+    except (ResultError, *UNREADABLE) as error:
         return {"status": "missing", "reason": str(error)}, {}
     missing, reached = float("nan"), status.get("actuation_pressure_reached")
     if reached is not None and reached > case.actuation_pressure_max:

@@ -15,6 +15,10 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
+#: what opening a damaged netCDF file and taking what should be in it may raise
+UNREADABLE = (OSError, ValueError, KeyError, AttributeError, RuntimeError)
+
+
 def write_whole(path: Path, write: Callable[[Path], None], *, durable: bool = True) -> None:
     """Let ``write`` fill a temporary file beside ``path``, then put it in place in one step.
 

@@ -15,7 +15,7 @@ from limo.buckling import events, largest_events
 from limo.case import Case
 from limo.cost import duration
 from limo.errors import LimoError, ResultError
-from limo.files import read_json
+from limo.files import UNREADABLE, read_json
 from limo.progress import solving_since
 from limo.solution import ramp_of
 from limo.status import DEVICE, CaseStatus, case_status, ended_status, number, read_ended, short_names
@@ -119,7 +119,7 @@ class CaseFolder:
                 return None
             ventricle, actuation = ramp.ventricle_volume, ramp.actuation_volume
             return ramp.assign(stroke_volume=ventricle[0] - ventricle, actuation_volume_change=actuation - actuation[0])
-        except (OSError, ValueError, KeyError, AttributeError, RuntimeError):
+        except UNREADABLE:
             return None
 
     def at(self, name: str, pressures: np.ndarray) -> np.ndarray:

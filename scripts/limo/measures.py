@@ -24,7 +24,7 @@ from limo.contact import endo_through_epi, first_contact, front_through_back
 from limo.equilibrium import residual
 from limo.errors import LimoError, ResultError
 from limo.fatigue import ENDURANCE, FLAGS, cycles_to_failure, largest_amplitude
-from limo.files import write_whole
+from limo.files import UNREADABLE, write_whole
 from limo.layer import SIDES, flat_areas, flat_points, inside_out, layer_state, surface_points
 from limo.mesh import read_mesh
 from limo.model import Model, build_model
@@ -140,7 +140,7 @@ def read_frames(file: Path, n_nodes: int) -> CaseFrames:
             data.event_displacement.values if "event_displacement" in data else np.empty((0, 2, n_nodes, 3)),
             float(data.attrs.get("damping", 0.0)),
         )
-    except (OSError, ValueError, KeyError, AttributeError, RuntimeError) as error:
+    except UNREADABLE as error:
         raise ResultError(f"{file}: not the frames of a case ({error})") from None
     if not len(found.pressure):
         raise ResultError(f"{file}: no frames (the case did not reach P_a = 0)")
@@ -298,7 +298,7 @@ def _buckling(values: dict, model: Model, frames: CaseFrames, folder: Path) -> d
     try:
         with xr.open_dataset(folder / "volumes.nc") as history:
             ramp = ramp_of(history.load())
-    except (OSError, ValueError, KeyError, RuntimeError) as error:
+    except UNREADABLE as error:
         raise ResultError(f"{folder / 'volumes.nc'}: not the volumes of a case ({error})") from None
     volume = ramp.ventricle_volume.values
     found = events(ramp.actuation_pressure.values, volume[:1] - volume)
@@ -386,7 +386,7 @@ def gather_measures(
             with xr.open_dataset(case_folder / source / "measures.nc") as measured:
                 measured = measured.load()
             status[index], reason[index] = measured.attrs["status"], measured.attrs["reason"]
-        except (OSError, ValueError, KeyError, RuntimeError) as error:
+        except UNREADABLE as error:
             reason[index] = str(error)
             continue
         if status[index] == "measured":

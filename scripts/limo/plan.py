@@ -102,11 +102,18 @@ def is_sound(folder: Path, described: dict[str, Any], status: dict[str, Any]) ->
     case = described.get("case")
     if not isinstance(case, dict) or not isinstance(case.get("engine"), str) or not isinstance(status.get("status"), str):
         return False
-    if not all(isinstance(p, int | float) for p in case.get("frames") or ()):
+    frames, attempts, files = case.get("frames") or [], status.get("attempts") or [], status.get("files") or {}
+    if not isinstance(frames, list) or not all(isinstance(p, int | float) for p in frames):
         return False
-    files = status.get("files", {})
+    if not isinstance(attempts, list) or not all(isinstance(a, dict) and isinstance(a.get("status"), str) for a in attempts):
+        return False
+    if not isinstance(status.get("recovery") or "", str) or not isinstance(
+        status.get("actuation_pressure_reached") or 0.0, int | float
+    ):
+        return False
     written = (folder / "status.json").stat().st_mtime
-    return isinstance(files, dict) and all(is_whole(folder / name, stamp, written) for name, stamp in files.items())
+    known = isinstance(files, dict) and all(name in RESULT_FILES for name in files)
+    return known and all(is_whole(folder / name, stamp, written) for name, stamp in files.items())
 
 
 def holds(kept: tuple[float, ...], needed: set[float]) -> bool:

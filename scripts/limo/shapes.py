@@ -22,7 +22,7 @@ from limo.contact import front_through_back
 from limo.dataset import CASE_DIMS
 from limo.errors import LimoError, ResultError
 from limo.figures import items_of
-from limo.files import read_json
+from limo.files import UNREADABLE, read_json
 from limo.layer import inside_out, layer_state, nodal, surface_points
 from limo.measures import CaseFrames, open_case
 from limo.mesh import DeviceMesh
@@ -275,7 +275,7 @@ def _event(model: Model, frames: CaseFrames, node: np.ndarray, maximum: float) -
     try:
         with xr.open_dataset(frames.file.with_name("volumes.nc")) as history:
             ramp = ramp_of(history.load())
-    except (OSError, ValueError, KeyError, RuntimeError) as error:
+    except UNREADABLE as error:
         raise ResultError(f"{frames.file.with_name('volumes.nc')}: not the volumes of a case ({error})") from None
     volume = ramp.ventricle_volume.values
     jumps = events(ramp.actuation_pressure.values, volume[:1] - volume)
