@@ -179,6 +179,12 @@ def _record(attempt: Attempt) -> dict:
     }
 
 
+def follow(model: Model, run_folder: Path, solver: Solver, command: Path | None = None) -> tuple[str, xr.Dataset]:
+    """How a model's path ends, and its volumes at every increment: a solve of which nothing is kept."""
+    with _solved(model, run_folder, solver, command, None) as path:
+        return path.status, _harvest(model, path)[0]
+
+
 @contextmanager
 def _solved(
     model: Model, run_folder: Path, solver: Solver, command: Path | None, before: EnginePath | None
