@@ -11,11 +11,13 @@ import numpy as np
 
 from limo.assembly import Assembly
 from limo.case import Case
+from limo.config import Loaded
 from limo.equilibrium import mass_forces, through_thickness
 from limo.errors import ResultError
 from limo.files import read_json, write_whole
 from limo.measures import open_case
 from limo.model import Model
+from limo.sampling import stress_cases
 
 CHECKS = (
     *("largest_displacement", "smallest_volume_ratio", "residual", "residual_floor", "viscous_share"),
@@ -44,6 +46,14 @@ def gather_stress_test(cases: Iterable[tuple[str, int, str, str]], results: Path
             row = {"status": "missing"} | row | {"reason": row.get("reason") or str(error)}
         rows.append({name: _short(row.get(name)) for name in COLUMNS})
     return rows
+
+
+def record_stress_test(loaded: Loaded, results: Path, file: Path) -> str:
+    """Write a row for each case of the stress test that is solved; says how many that are."""
+    cases = [(*key, case.case_id) for key, case in stress_cases(loaded).items()]
+    done = [c for c in cases if (results / "cases" / c[3] / "status.json").exists()]
+    write_rows(gather_stress_test(done, results), file)
+    return f"{file}: {len(done)} of {len(cases)} cases"
 
 
 def _what_it_is(case: Case) -> dict[str, Any]:

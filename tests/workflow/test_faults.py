@@ -68,6 +68,7 @@ def start(project) -> subprocess.Popen:
     return subprocess.Popen(
         [*map(str, command), "--config", f"file={project.config_file}"],
         cwd=project.folder, stdout=log, stderr=subprocess.STDOUT, start_new_session=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # shells have their background jobs ignore it
     )  # fmt: skip
 
 
