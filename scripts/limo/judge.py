@@ -39,7 +39,9 @@ class Checks:
     ``residual`` of the force resultants over the applied load, ``residual_floor`` (what rounding of stored frames alone amounts
     to) and ``viscous_share`` (damping and inertia over the load), the largest of some frames; ``energy_created``: largest fall of
     the dissipated energy along the ramp over the actuation work; ``largest_jump``: largest change of V_v or V_a from one
-    increment to the next outside of buckling events, over V_v at rest. ``error``: why frames could not be measured.
+    increment to the next outside of buckling events, over V_v at rest; ``smallest_ventricle``: smallest V_v of the ramp over that
+    at rest, not positive where front and back, between which there is no contact, pass through each other. ``error``: why frames
+    could not be measured.
     """
 
     largest_displacement: float | None = None
@@ -50,6 +52,7 @@ class Checks:
     dissipated_fraction: float | None = None
     energy_created: float | None = None
     largest_jump: float | None = None
+    smallest_ventricle: float | None = None
     rested: bool = True
     error: str = ""
 
@@ -72,6 +75,7 @@ def measure(model: Model, history: xr.Dataset, ramp: xr.Dataset, frames: xr.Data
         known["smallest_volume_ratio"] = _number(history.smallest_volume_ratio.min())
     if ramp.sizes["increment"] > 1:
         known["largest_jump"] = largest_jump(ramp)
+        known["smallest_ventricle"] = float(ramp.ventricle_volume.min() / max(abs(float(ramp.ventricle_volume[0])), 1e-9))
         known["energy_created"] = _number(energy_created(ramp, model.case.ventricular_pressure))
     if not model.is_shell and frames.sizes["frame"]:
         known |= _equilibrium(model, frames)
@@ -140,6 +144,8 @@ def verdict(status: str, reason: str, checks: Checks, limits: Limits) -> tuple[s
     if wrong:
         return "diverged", "; ".join(wrong)
     doubts = [] if checks.rested else ["the device had not come to rest at the end of the hold"]
+    if checks.smallest_ventricle is not None and checks.smallest_ventricle <= 0:
+        doubts.append("the ventricle's volume is negative: front and back pass through each other")
     above = (
         (excess, limits.residual, "residual {:.2g} of the load"),
         (checks.viscous_share, limits.viscous_share, "damping carries {:.2g} of the load"),

@@ -21,7 +21,7 @@ from limo.sampling import stress_cases
 
 CHECKS = (
     *("largest_displacement", "smallest_volume_ratio", "residual", "residual_floor", "viscous_share"),
-    *("energy_created", "largest_jump"),
+    *("energy_created", "largest_jump", "smallest_ventricle"),
 )
 COLUMNS = (
     *("box", "number", "engine", "case_id", "n_pouches", "ventricular_pressure", "actuation_pressure_max", "aspect_ratio"),

@@ -9,7 +9,7 @@ from limo.judge import Checks, energy_created, largest_jump, unbelievable, verdi
 
 GOOD = {
     "largest_displacement": 0.3, "smallest_volume_ratio": 0.9, "residual": 1e-3, "residual_floor": 0.0, "viscous_share": 1e-3,
-    "dissipated_fraction": 0.1, "energy_created": 1e-3, "largest_jump": 0.02,
+    "dissipated_fraction": 0.1, "energy_created": 1e-3, "largest_jump": 0.02, "smallest_ventricle": 0.4,
 }  # fmt: skip
 
 
@@ -115,6 +115,7 @@ def test_states_that_no_device_can_be_in(u, ratio, reason):
         ({"energy_created": 0.2}, "degraded", "came from nowhere"),
         ({"largest_jump": 0.4}, "degraded", "without an event"),
         ({"rested": False}, "degraded", "not come to rest"),
+        ({"smallest_ventricle": -0.1}, "degraded", "front and back pass through each other"),
         ({"rested": False, "viscous_share": 0.2}, "degraded", "not come to rest at the end of the hold; damping"),
         ({"error": "2 elements turned inside out"}, "diverged", "inside out"),
         (dict.fromkeys(GOOD), "converged", ""),

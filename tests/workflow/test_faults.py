@@ -232,7 +232,7 @@ def small_disk(folder: Path, size: str):
 @root_only
 def test_full_disk(tiny, record):
     project = tiny("calculix")
-    with small_disk(project.folder / "results", "4m") as remount:
+    with small_disk(project.folder / "results", "1500k") as remount:
         with ended(start(project)) as sweep:
             code = sweep.wait(PATIENCE)
         assert not solved(project)
