@@ -39,7 +39,8 @@ _PR_SET_PDEATHSIG = 1
 _POLL = 0.5  # s between looks at a running solver
 #: signals that people, terminals and the kernel's memory killer send; a solver that fails by itself ends with others
 OUTSIDE = frozenset({signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGQUIT, signal.SIGXCPU})
-NO_MEMORY = "error allocating memory"  # CalculiX's u_calloc and u_realloc
+#: what CalculiX's u_calloc, the loader of its libraries, the Fortran library and PARDISO say
+NO_MEMORY = re.compile(r"error allocating memory|failed to map segment|[Cc]annot allocate memory|PARDISO[^\n]*-2\b")
 LEAST_DISK = 1 << 20  # bytes free, below which CalculiX's files end anywhere: it does not look at what was written
 
 
@@ -286,7 +287,7 @@ def _outside(exit_code: int, log: str, folder: Path) -> str:
     """What ended a run although nothing is wrong with the case, or ""."""
     if -exit_code in OUTSIDE:
         return f"killed from outside by signal {-exit_code}"
-    if NO_MEMORY in log:
+    if NO_MEMORY.search(log):
         return "not enough memory"
     return "the disk is full" if shutil.disk_usage(folder).free < LEAST_DISK else ""
 
