@@ -7,14 +7,27 @@ from snakemake.logging import logger
 
 sys.path.insert(0, str(Path(workflow.basedir) / "scripts"))
 
-from limo.case import FIELD_CODE, GATHER_CODE, MEASURE_CODE, MESH_CODE, SHAPE_CODE, code_digest, digest, solve_code
+from limo.case import (
+    FIELD_CODE,
+    GATHER_CODE,
+    MEASURE_CODE,
+    MESH_CODE,
+    SHAPE_CODE,
+    STRESS_TEST_CODE,
+    code_digest,
+    digest,
+    solve_code,
+)
 from limo.config import load_config
 from limo.cost import plan_costs, ranks
 from limo.engines.find import find_engines
 from limo.errors import LimoError
 from limo.figures import SHAPES, items_of, renderer_lacks
 from limo.plan import make_plan
+from limo.progress import enter_sweep
+from limo.sampling import stress_cases
 
+SWEEP = enter_sweep(Path("results"), Path(".snakemake/locks")) if workflow.is_main_process else None
 CONFIG_FILE = config.get("file", "config/config.yaml")
 try:
     LOADED = load_config(CONFIG_FILE)
@@ -22,7 +35,8 @@ try:
 except LimoError as error:
     raise WorkflowError(str(error)) from None
 
-PLAN = make_plan(LOADED)
+STRESS_TEST = {key: case.case_id for key, case in stress_cases(LOADED).items()}
+PLAN = make_plan(LOADED).with_cases(stress_cases(LOADED).values())
 COSTS = plan_costs(PLAN)
 MESH_IDS = {name: case.mesh_id for name, case in PLAN.cases.items()}
 RENDERER_LACKS = renderer_lacks()
@@ -31,7 +45,10 @@ if RENDERER_LACKS and workflow.is_main_process:
 MESHES = {MESH_IDS[name]: case for name, case in PLAN.cases.items()}
 # what decides no result, such as paths and limits of time: scripts find it here, where no change re-runs them
 config["file"] = CONFIG_FILE
-config["solving"] = {"solver": LOADED.config.solver.model_dump(mode="json"), "command": str(CCX or "")}
+config["solving"] = {
+    **{part: getattr(LOADED.config, part).model_dump(mode="json") for part in ("solver", "limits", "recovery")},
+    "command": str(CCX or ""),
+}
 
 
 include: "workflow/rules/common.smk"
@@ -51,6 +68,7 @@ include: "workflow/rules/measure.smk"
 include: "workflow/rules/aggregate.smk"
 include: "workflow/rules/figures.smk"
 include: "workflow/rules/paper.smk"
+include: "workflow/rules/stress_test.smk"
 
 
 for name in LOADED.studies:

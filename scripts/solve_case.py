@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from limo.case import Case
-from limo.config import Solver
+from limo.config import Limits, Recovery, Solver
 from limo.door import logged
 from limo.progress import solving
 from limo.solution import solve_case
@@ -11,9 +11,11 @@ from limo.solution import solve_case
 with logged(snakemake.log[0]) as log:  # noqa: F821
     case = Case.from_dict(snakemake.params.case)  # noqa: F821
     chosen = snakemake.config["solving"]  # noqa: F821
-    solver = Solver.model_validate(chosen["solver"])
+    solver, limits = Solver.model_validate(chosen["solver"]), Limits.model_validate(chosen["limits"])
+    rungs = getattr(Recovery.model_validate(chosen["recovery"]), case.engine)
+    how = (solver, Path(chosen["command"]), limits, rungs, snakemake.params.recovery)  # noqa: F821
     folder = Path(snakemake.output.status).parent  # noqa: F821
     log.info("predicted %s s of CPU time", snakemake.resources.predicted_seconds)  # noqa: F821
     with solving(folder):
-        status = solve_case(case, Path(snakemake.input.mesh), folder, solver, Path(chosen["command"]))  # noqa: F821
+        status = solve_case(case, Path(snakemake.input.mesh), folder, *how)  # noqa: F821
     log.info("%s %s after %.0f s of CPU time", status["status"], status["reason"], status["solver_cpu_seconds"])

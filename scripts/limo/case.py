@@ -17,7 +17,11 @@ from limo.config import ENGINES, OUTPUTS, Device, Loaded, Mesh, MeshLevel, Numer
 PACKAGE = Path(__file__).parent
 #: modules whose code decides what a mesh looks like
 MESH_CODE = ("geometry", "mesh", "elements")
-_SOLUTION_CODE = (*MESH_CODE, "model", "volumes", "energy", "kinematics", "buckling", "engines.__init__", "solution")
+_JUDGE_CODE = ("judge", "recovery", "equilibrium", "layer", "constitutive")
+_SOLUTION_CODE = (
+    *(*MESH_CODE, "model", "volumes", "energy", "kinematics", "buckling", "engines.__init__", "solution"),
+    *_JUDGE_CODE,
+)
 #: the same for a solution, by engine
 SOLVE_CODE = {
     "calculix": (*_SOLUTION_CODE, "deck", "frd", "engines.calculix"),
@@ -28,6 +32,8 @@ FIELD_CODE = ("elements", "kinematics", "mesh", "model", "constitutive", "layer"
 MEASURE_CODE = (*FIELD_CODE, "stress", "equilibrium", "buckling", "contact", "measures")
 #: modules whose code decides what shapes of a study are kept for its figures
 SHAPE_CODE = (*MEASURE_CODE, "solution", "dataset", "shapes")
+#: modules whose code decides what is gathered of a stress test
+STRESS_TEST_CODE = ("reliability", "assembly", "equilibrium", "model")
 #: modules whose code decides what a study's dataset holds
 GATHER_CODE = ("dataset", "efficiency", "solution", "measures")
 

@@ -13,6 +13,7 @@ from limo.engines.find import find_engines
 from limo.errors import LimoError
 from limo.plan import make_plan
 from limo.progress import solving_since
+from limo.sampling import stress_cases
 
 KINDS = ("leftovers", "cases")
 #: large files of CalculiX that are needed only while their case is read
@@ -70,7 +71,7 @@ def _used(config_files: Sequence[str], results: Path) -> tuple[set[str], set[str
     for file in config_files:
         loaded = load_config(file)
         find_engines(loaded, file)
-        plan = make_plan(loaded, results)
+        plan = make_plan(loaded, results).with_cases(stress_cases(loaded).values())
         cases.update(plan.cases)
         meshes.update(case.mesh_id for case in plan.cases.values())
     return cases, meshes

@@ -150,6 +150,26 @@ def make_parser() -> argparse.ArgumentParser:
         made.add_argument("--to", type=Path, default=Path("docs/gallery"), metavar="FOLDER", help="default: %(default)s")
         _config(made)
         _results(made)
+    says = "measure how reliable solves are, and renew the tables of docs/reliability.md"
+    with command(
+        _reliability, "reliability", says, "record", "paths newton --kinds same branch", "report docs/reliability.md"
+    ) as made:
+        doing = made.add_subparsers(dest="doing", required=True)
+        recorded = doing.add_parser("record", help="keep what the stress test found so far: the cases that are solved")
+        _config(recorded)
+        _results(recorded)
+        paths = doing.add_parser("paths", help="solve one case again, perturbed, by other builds and on other meshes")
+        paths.add_argument("engine", choices=("calculix", "newton"), help="what solves it")
+        paths.add_argument(
+            "--kinds", nargs="+", choices=("same", "build", "branch", "mesh"), default=["same", "build", "branch", "mesh"],
+            help="which runs (default: all)",
+        )  # fmt: skip
+        paths.add_argument("--to", type=float, default=60.0, metavar="KPA", help="highest actuation pressure (%(default)g)")
+        _config(paths)
+        reported = doing.add_parser("report", help="renew the tables of a document, and the figure beside it")
+        reported.add_argument("document", type=Path, help="the document, for example docs/reliability.md")
+        for part in (recorded, paths, reported):
+            part.add_argument("--data", type=Path, default=Path("docs/data"), help="folder of the tables (default: %(default)s)")
     says = "delete what no study uses and what killed solvers left; without --yes only say what and how much that is"
     with command(
         _clean, "clean", says, "", "leftovers --yes", "cases --config config/config.yaml config/levers/config.yaml"
@@ -295,6 +315,35 @@ def _gallery(chosen: argparse.Namespace) -> None:
 
     for file in make_gallery(chosen.config, chosen.studies, chosen.results, chosen.to, redraw=chosen.redraw):
         print(file)
+
+
+def _reliability(chosen: argparse.Namespace) -> None:
+    from limo.config import load_config
+    from limo.engines.find import find_engines
+
+    if chosen.doing == "report":
+        from limo.files import write_whole
+        from limo.reliability_report import draw_band, renewed
+
+        text = renewed(chosen.document.read_text(encoding="utf-8"), chosen.data)
+        write_whole(chosen.document, lambda path: path.write_text(text, encoding="utf-8"))
+        draw_band(chosen.data, chosen.document.with_name("reliability_paths.png"))
+        return
+    loaded = load_config(chosen.config)
+    find_engines(loaded, chosen.config)
+    if chosen.doing == "record":
+        from limo.reliability import record_stress_test
+
+        print(record_stress_test(loaded, chosen.results, chosen.data / "stress_test.csv"))
+        return
+    from limo.repeatability import append_rows, measure
+
+    for rows in measure(loaded, chosen.engine, tuple(chosen.kinds), chosen.to):
+        append_rows(rows, chosen.data / "repeatability.csv")
+        print(
+            f"{rows[0]['kind']} {rows[0]['run']}: {rows[0]['status']}, stroke {float(rows[-1]['stroke_volume']):.2f} ml",
+            flush=True,
+        )
 
 
 def _clean(chosen: argparse.Namespace) -> None:

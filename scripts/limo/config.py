@@ -33,7 +33,7 @@ SplinePoints = Annotated[list[Point], Field(min_length=2)]
 #: rules of the workflow, whose names a study cannot have because it becomes a rule itself
 RULES = (
     *("all", "mesh_device", "solve_case", "measure_case", "write_fields", "gather_study", "gather_shapes", "draw_figure"),
-    *("fit_material", "material", "check_paper", "paper"),
+    *("fit_material", "material", "check_paper", "paper", "stress_test"),
 )
 NAME = r"^[A-Za-z][A-Za-z0-9_]*$"
 
@@ -361,9 +361,64 @@ class Solver(Section):
         examples=["stock"],
     )
     threads: int = Field(1, ge=1, le=64, description="threads a case; one is bit-reproducible", examples=[1])
-    time_limit: float = Field(120.0, gt=0, description="minutes of wall time a case may take", examples=[120.0])
+    time_limit: float = Field(120.0, gt=0, description="minutes of wall time an attempt at a case may take", examples=[120.0])
     stall_limit: float = Field(
         10.0, gt=0, description="minutes without a new Newton iteration before a case is stopped", examples=[10.0]
+    )
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# what is right, and what is tried when it is not
+
+
+class Limits(Section):
+    """What a solved case must keep to count as converged; beyond it is degraded, far beyond it has failed (``limo.judge``)."""
+
+    residual: float = Field(
+        0.02, gt=0, le=1, description="force resultants out of equilibrium over the applied load", examples=[0.02]
+    )
+    viscous_share: float = Field(0.05, gt=0, le=1, description="damping and inertia over the applied load", examples=[0.05])
+    dissipated_fraction: float = Field(
+        0.5, gt=0, le=1, description="dissipated share of the actuation work, snaps included", examples=[0.5]
+    )
+    energy_created: float = Field(
+        0.05, gt=0, le=1, description="largest fall of the dissipated energy over the actuation work", examples=[0.05]
+    )
+    jump: float = Field(
+        0.25,
+        gt=0,
+        le=1,
+        description="change of a volume between increments that is no buckling event, over the ventricle at rest",
+        examples=[0.25],
+    )
+
+
+#: stands in the keys of a rung for the stage in which the attempt before failed
+FAILED_STAGE = "failed"
+
+
+class Rung(Section):
+    """How numerics change, on top of the rungs before, for another attempt at a case that failed."""
+
+    name: str = Field(pattern=NAME, max_length=40, description="what the attempt is called", examples=["smaller_start"])
+    multiply: dict[str, Annotated[float, Field(gt=0, le=1e6)]] = Field(
+        min_length=1,
+        description="keys of a numerics preset and factors of their values; failed stands for the stage that failed",
+        examples=[{"first_increment": 0.1, "failed.damping": 10}],
+    )
+
+
+Ladder = Annotated[list[Rung], Field(max_length=10)]
+
+
+class Recovery(Section):
+    """What is tried in turn, by engine, when a case diverges, stalls or times out."""
+
+    calculix: Ladder = Field(
+        [], description="rungs of CalculiX", examples=[[{"name": "smaller_start", "multiply": {"first_increment": 0.1}}]]
+    )
+    newton: Ladder = Field(
+        [], description="rungs of newton", examples=[[{"name": "smaller_load_steps", "multiply": {"newton.load_step": 0.25}}]]
     )
 
 
@@ -643,6 +698,61 @@ class TensileTest(Section):
     largest_strain: float = Field(0.1, gt=0, le=1, description="nominal strain below which points are fitted", examples=[0.1])
 
 
+Even = Annotated[int, Field(ge=2, le=16, multiple_of=2)]
+
+
+class Box(Section):
+    """Ranges of the parameters that a stress test draws from: lowest and highest, the same for one that stays."""
+
+    samples: int = Field(ge=1, le=10000, description="cases of the Latin hypercube", examples=[60])
+    corners: Literal[0, 16] = Field(
+        0, description="16: these corners too, a fractional factorial design of resolution IV", examples=[16]
+    )
+    n_pouches: tuple[Even, Even] = Field(description="N_p, even, uniform", examples=[[2, 12]])
+    ventricular_pressure: tuple[Pressure, Pressure] = Field(description="P_v in kPa, uniform", examples=[[0, 30]])
+    aspect_ratio: tuple[Annotated[float, Field(ge=1, le=10)], Annotated[float, Field(ge=1, le=10)]] = Field(
+        description="AR of the valve support, uniform", examples=[[1, 4]]
+    )
+    stiffness_ratio: tuple[Annotated[float, Field(gt=0, le=100)], Annotated[float, Field(gt=0, le=100)]] = Field(
+        description="E_hat, uniform in its logarithm", examples=[[0.1, 4]]
+    )
+    thickness: tuple[Annotated[float, Field(gt=0, le=5)], Annotated[float, Field(gt=0, le=5)]] = Field(
+        description="of the fabric in mm, uniform in its logarithm; its density stays", examples=[[0.05, 0.5]]
+    )
+    modulus_factor: tuple[Annotated[float, Field(gt=0, le=100)], Annotated[float, Field(gt=0, le=100)]] = Field(
+        description="factor of the fabric's modulus, uniform in its logarithm", examples=[[0.1, 10]]
+    )
+    width_scale: tuple[Annotated[float, Field(ge=0.5, le=1.5)], Annotated[float, Field(ge=0.5, le=1.5)]] = Field(
+        description="of the device, uniform", examples=[[0.8, 1.2]]
+    )
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Box:
+        for name in BOX_AXES:
+            if getattr(self, name)[0] > getattr(self, name)[1]:
+                raise ValueError(f"{name}: the lower end first")
+        return self
+
+
+#: parameters of a stress test in the order of its hypercube
+BOX_AXES = (
+    *("n_pouches", "ventricular_pressure", "aspect_ratio", "stiffness_ratio"),
+    *("thickness", "modulus_factor", "width_scale"),
+)
+
+
+class StressTest(Section):
+    """Cases over boxes of parameters, solved to see what fails (``snakemake stress_test``)."""
+
+    device: str = Field("limo", pattern=NAME, description="name of a file in config/devices", examples=["limo"])
+    engines: list[Engine] = Field(min_length=1, description="each solves every case", examples=[["newton"]])
+    mesh: Mesh = Field(Mesh(), description="mesh of its cases")
+    numerics: str | None = Field(None, pattern=NAME, description="name of a preset, instead of the default", examples=["fast"])
+    seed: int = Field(1, ge=0, le=2**32 - 1, description="of the hypercube", examples=[1])
+    actuation_above: float = Field(40.0, gt=0, le=500, description="P_a,max - P_v in kPa", examples=[40.0])
+    boxes: dict[Annotated[str, Field(pattern=NAME)], Box] = Field(min_length=1, description="boxes by name")
+
+
 class Config(Section):
     """``config/config.yaml``: what runs by default and the presets that studies name."""
 
@@ -657,6 +767,9 @@ class Config(Section):
     mesh_levels: dict[Annotated[str, Field(pattern=NAME)], MeshLevel] = Field(min_length=1, description="mesh levels by name")
     numerics_presets: dict[Annotated[str, Field(pattern=NAME)], Numerics] = Field(min_length=1, description="numerics by name")
     solver: Solver = Solver()
+    limits: Limits = Field(Limits(), description="what a case must keep to count as converged")
+    recovery: Recovery = Field(Recovery(), description="what is tried in turn when a case fails")
+    stress_test: StressTest | None = Field(None, description="cases that look for what fails")
     fatigue: Fatigue = Field(Fatigue(), description="strain-life curve of the fatigue output, each number with its origin")
     tensile_test: TensileTest = Field(TensileTest(), description="what `snakemake material` fits the modulus of the fabric to")
 
@@ -806,7 +919,7 @@ def _explain(model: type[Section], error: ValidationError, path: Path) -> Config
         keys.append(part)
     key, value = ".".join(keys) or "(file)", first["input"]
     if isinstance(value, dict) and len(value) > 4:
-        value = "{" + ", ".join(map(str, value)) + "}"
+        value = "{" + ", ".join(map(str, value))[:500] + "}"
     if first["type"] == "extra_forbidden":
         known = ", ".join(sorted(getattr(owner or model, "model_fields", {})))
         return ConfigError(path, key, value, f"no such key; known here: {known}", "see config/README.md")
@@ -842,7 +955,7 @@ def load_config(path: str | Path = "config/config.yaml") -> Loaded:
     def read_all(folder: str, model: type[Section]) -> dict[str, Any]:
         found = {}
         for file in sorted((path.parent / folder).glob("*.y*ml")):
-            if not re.match(NAME, file.stem):
+            if not re.fullmatch(NAME.strip("^$"), file.stem):
                 raise ConfigError(file, "(file name)", file.stem, "letters, digits and _, a letter first", "my_study.yaml")
             if model is Study and file.stem in RULES:
                 raise ConfigError(file, "(file name)", file.stem, "a name that no rule of the workflow has", "my_study.yaml")
@@ -860,10 +973,41 @@ def load_config(path: str | Path = "config/config.yaml") -> Loaded:
             raise ConfigError(path, "studies", name, f"a study in {path.parent}/studies: {names}", "studies: [pressure_volume]")
     _check_names(path, "mesh.level", config.mesh.level, config.mesh_levels)
     _check_names(path, "numerics", config.numerics, config.numerics_presets)
+    _check_recovery(path, config)
+    if config.stress_test:
+        _check_stress_test(path, loaded, config.stress_test)
     cut: set[tuple[str, float, int]] = set()
     for name, study in studies.items():
         _check_study(loaded, files[f"studies/{name}"], study, cut)
     return loaded
+
+
+def _check_recovery(path: Path, config: Config) -> None:
+    """Every rung must be possible with every preset."""
+    from limo.recovery import check_ladder
+
+    for engine in ENGINES:
+        rungs: list[Rung] = getattr(config.recovery, engine)
+        names = [rung.name for rung in rungs]
+        example = "recovery: {newton: [{name: smaller_load_steps, multiply: {newton.load_step: 0.25}}]}"
+        if len(set(names)) < len(names):
+            raise ConfigError(path, f"recovery.{engine}", names, "no name twice", example)
+        for preset, numerics in config.numerics_presets.items():
+            try:
+                check_ladder(rungs, numerics)
+            except ValueError as error:
+                expected = f"factors that leave the preset {preset} in its ranges ({error})"
+                raise ConfigError(path, f"recovery.{engine}", names, expected, example) from None
+
+
+def _check_stress_test(path: Path, loaded: Loaded, test: StressTest) -> None:
+    """What a stress test names must exist; layouts that cannot be cut are found when it is run."""
+    _check_names(path, "stress_test.device", test.device, loaded.devices)
+    _check_names(path, "stress_test.mesh.level", test.mesh.level, loaded.config.mesh_levels)
+    if test.numerics:
+        _check_names(path, "stress_test.numerics", test.numerics, loaded.config.numerics_presets)
+    if "newton" in test.engines and test.mesh.element.startswith("S8"):
+        raise ConfigError(path, "stress_test.mesh.element", test.mesh.element, "C3D20R or C3D20", "element: C3D20R")
 
 
 def _check_names(path: Path, key: str, value: str, known: dict[str, Any], *, listed: bool = False) -> None:

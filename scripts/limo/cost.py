@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from limo.case import Case
+from limo.judge import USABLE
 from limo.plan import Plan, Solved
 
 #: measured on the quarter model of level preview: s an iteration at 21 thousand displacements of four quarters, its growth
@@ -58,7 +59,7 @@ def predict(cases: Iterable[Case], solved: Iterable[Solved] = ()) -> list[float]
     for one in solved:
         try:
             seconds, case = one.status["solver_cpu_seconds"], one.described["case"]
-            if one.status["status"] == "converged" and seconds > 0:
+            if one.status["status"] in USABLE and seconds > 0:
                 known.setdefault(_kind(case), []).append((_place(case), float(np.log(seconds / prior_seconds(case)))))
         except (KeyError, TypeError, ValueError, ZeroDivisionError):
             continue

@@ -18,12 +18,13 @@ from limo.case import Case, cross_checks, study_axes, study_cases
 from limo.config import Loaded, Study
 from limo.efficiency import efficiency_at_stroke, io_ratio
 from limo.errors import ResultError
-from limo.files import read_json
+from limo.files import UNREADABLE, read_json
+from limo.judge import USABLE
 from limo.measures import gather_measures
 from limo.solution import ramp_of
 
 STROKE_FOR_EFFICIENCY = 90.0  # ml, physiological stroke volume (paper, Afterload sensitivity)
-STATUSES = ("converged", "diverged", "timed_out", "crashed", "missing")
+STATUSES = ("converged", "degraded", "diverged", "timed_out", "crashed", "missing")
 CASE_DIMS = ("n_pouches", "ventricular_pressure", "aspect_ratio", "stiffness_ratio", "width_scale", "variant", "branch")
 CURVE_DIMS = (*CASE_DIMS, "actuation_pressure")
 
@@ -213,12 +214,12 @@ def _read_case(case: Case, folder: Path, pressures: np.ndarray) -> tuple[dict, d
         status = read_json(folder / "status.json")
         with xr.open_dataset(folder / "volumes.nc") as history:
             values = curves(history.load(), case.ventricular_pressure, pressures, case.actuation_pressure_max)
-    except (ResultError, OSError, ValueError, KeyError) as error:
+    except (ResultError, *UNREADABLE) as error:
         return {"status": "missing", "reason": str(error)}, {}
     missing, reached = float("nan"), status.get("actuation_pressure_reached")
     if reached is not None and reached > case.actuation_pressure_max:
         reached = case.actuation_pressure_max
-        if status["status"] != "converged":
+        if status["status"] not in USABLE:
             status = status | {"status": "converged", "reason": ""}
     values |= {
         "dissipated_fraction": status.get("dissipated_fraction"),

@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import logging
+import os
+import select
+import signal
 import sys
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,6 +18,7 @@ from limo.errors import LimoError
 @contextmanager
 def logged(log_file: str) -> Iterator[logging.Logger]:
     """Log to ``log_file``; a user's mistake ends the script with its one message, anything else with a traceback there."""
+    _end_with_snakemake()
     Path(log_file).parent.mkdir(parents=True, exist_ok=True)
     logging.basicConfig(
         filename=log_file, filemode="w", level=logging.INFO, format="%(asctime)s %(levelname)s %(name)s: %(message)s", force=True
@@ -24,6 +29,31 @@ def logged(log_file: str) -> Iterator[logging.Logger]:
     except LimoError as error:
         log.error("%s", error)
         sys.exit(str(error))
+    except (OSError, MemoryError) as error:  # of the machine: a full disk, a folder that cannot be written, no memory
+        log.error("%s", error or type(error).__name__)
+        sys.exit(str(error) or type(error).__name__)
     except Exception:
         log.exception("unexpected")
         raise
+
+
+def _end_with_snakemake() -> None:
+    """Have this script ended when the Snakemake that started it is gone: killed, it cannot end its scripts itself."""
+    ancestors, pid = [], os.getppid()
+    for _ in range(3):  # a shell stands between, on clusters two
+        try:
+            ancestors.append((pid, os.pidfd_open(pid)))
+            if b"snakemake" in Path(f"/proc/{pid}/cmdline").read_bytes():
+                threading.Thread(target=_end_after, args=([handle for _, handle in ancestors],), daemon=True).start()
+                return
+            pid = int(Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[1])
+        except (OSError, AttributeError, ValueError):  # gone already, or not Linux
+            break
+    for _, handle in ancestors:
+        os.close(handle)
+
+
+def _end_after(processes: list[int]) -> None:
+    """Wait for the end of the first of some processes, then ask this one to end."""
+    select.select(processes, [], [])
+    os.kill(os.getpid(), signal.SIGTERM)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from limo.kinematics import strain_energy
+from limo.kinematics import energy_and_volume_ratio
 from limo.model import Model
 from limo.volumes import flux
 
@@ -30,11 +30,11 @@ def conjugate_volumes(model: Model, displacements: np.ndarray) -> tuple[float, f
     return tuple(float(v) for v in model.mesh.copies * swept)
 
 
-def stored_energy(model: Model, displacements: np.ndarray) -> float:
-    """Strain energy of the full device in mJ (N mm), with the quadrature of the model's element."""
+def energy_and_volume_ratio_of(model: Model, displacements: np.ndarray) -> tuple[float, float]:
+    """Strain energy of the full device in mJ (N mm), with the quadrature of the model's element, and its smallest det F."""
     material = model.case.device.material
     expansion = model.expansion
-    energy = strain_energy(
+    energy, smallest = energy_and_volume_ratio(
         expansion.nodes,
         expansion.bricks,
         displacements[: len(expansion.nodes)],
@@ -42,7 +42,12 @@ def stored_energy(model: Model, displacements: np.ndarray) -> float:
         material.poisson_ratio,
         model.gauss_points,
     )
-    return model.mesh.copies * energy
+    return model.mesh.copies * energy, smallest
+
+
+def stored_energy(model: Model, displacements: np.ndarray) -> float:
+    """Strain energy of the full device in mJ (N mm)."""
+    return energy_and_volume_ratio_of(model, displacements)[0]
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,11 @@
 """The errors a user may meet, each one message without a traceback."""
 
+import reprlib
+
+_SHORT = reprlib.Repr()
+_SHORT.maxlevel, _SHORT.maxdict, _SHORT.maxlist, _SHORT.maxtuple = 3, 8, 8, 8
+_SHORT.maxstring = _SHORT.maxother = 200
+
 
 class LimoError(Exception):
     """Base of every error that is the user's to mend."""
@@ -11,7 +17,8 @@ class ConfigError(LimoError):
     def __init__(self, file: object, key: str, value: object, expected: str, example: str):
         self.file, self.key, self.value = str(file), key, value
         self.expected, self.example = expected, example
-        super().__init__(f"{file}: {key} = {value!r}: expected {expected}; for example {example}")
+        # a value may be of any size: a few lines of YAML can stand for gigabytes
+        super().__init__(f"{file}: {key} = {_SHORT.repr(value)}: expected {expected}; for example {example}")
 
 
 class MeshError(LimoError):

@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from limo.errors import ResultError
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+#: what opening a damaged netCDF file and taking what should be in it may raise
+UNREADABLE = (OSError, ValueError, KeyError, AttributeError, RuntimeError)
 
 
 def write_whole(path: Path, write: Callable[[Path], None], *, durable: bool = True) -> None:
@@ -33,11 +41,37 @@ def write_json(path: Path, data: dict[str, Any], *, durable: bool = True) -> Non
     write_whole(path, lambda p: p.write_text(json.dumps(data, indent=2) + "\n", encoding="utf-8"), durable=durable)
 
 
+def stamp_of(path: Path) -> dict[str, Any]:
+    """Size and hash of a file, by which ``is_whole`` knows it again."""
+    with path.open("rb") as handle:
+        return {"bytes": os.fstat(handle.fileno()).st_size, "sha256": hashlib.file_digest(handle, "sha256").hexdigest()}
+
+
+def is_whole(path: Path, stamp: dict[str, Any], written: float) -> bool:
+    """Whether a file is still the one of which a stamp was taken at a time ``written`` (s since 1970).
+
+    It is read only if its size is right and it was touched since.
+    """
+    try:
+        found = path.stat()
+        if found.st_size != stamp["bytes"]:
+            return False
+        return found.st_mtime <= written or stamp_of(path) == stamp
+    except (OSError, KeyError, TypeError):
+        return False
+
+
+def write_netcdf(dataset: xr.Dataset, path: Path) -> None:
+    """Write a dataset as a whole, every number under a checksum that readers verify."""
+    checked = {n: {"fletcher32": True} for n, v in dataset.variables.items() if v.dtype.kind in "fi" and v.ndim and v.size}
+    write_whole(path, lambda aside: dataset.to_netcdf(aside, encoding=checked))
+
+
 def read_json(path: Path) -> dict[str, Any]:
     """Read a JSON object. Raises ``ResultError`` when it is missing or damaged."""
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise ResultError(f"{path}: cannot be read ({error})") from None
     if not isinstance(data, dict):
         raise ResultError(f"{path}: not a JSON object")

@@ -118,7 +118,7 @@ class CaseFolder:
                 return None
             ventricle, actuation = ramp.ventricle_volume, ramp.actuation_volume
             return ramp.assign(stroke_volume=ventricle[0] - ventricle, actuation_volume_change=actuation - actuation[0])
-        except (ResultError, AttributeError):
+        except ResultError:
             return None
 
     def at(self, name: str, pressures: np.ndarray) -> np.ndarray:

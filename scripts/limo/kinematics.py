@@ -37,20 +37,26 @@ def energy_density(strain: np.ndarray, lame_lambda: np.ndarray, lame_mu: np.ndar
     return 0.5 * lame_lambda * trace**2 + lame_mu * np.einsum("...ij,...ij->...", strain, strain)
 
 
-def strain_energy(
+def energy_and_volume_ratio(
     nodes: np.ndarray,
     bricks: np.ndarray,
     displacements: np.ndarray,
     youngs_modulus: np.ndarray,
     poisson_ratio: float,
     points: int = 2,
-) -> float:
-    """Strain energy of the bricks in N mm; ``youngs_modulus`` (m,) in MPa, ``points`` Gauss points a direction.
+) -> tuple[float, float]:
+    """Strain energy of the bricks in N mm and the smallest det F of the points; not positive: an element is turned inside out.
 
-    Two points a direction are those of C3D20R, three those of C3D20: the energy of the discrete model itself.
+    ``youngs_modulus`` (m,) in MPa, ``points`` Gauss points a direction: two are those of C3D20R, three those of C3D20, with
+    which the energy is that of the discrete model itself.
     """
     local, weights = gauss(points, 3)
     deformation, jacobian = deformation_gradient(nodes, bricks, displacements, local)
     lam, mu = lame(youngs_modulus, poisson_ratio)
     density = energy_density(green_lagrange(deformation), lam[:, None], mu[:, None])
-    return float(np.einsum("mg,mg,g->", density, jacobian, weights))
+    return float(np.einsum("mg,mg,g->", density, jacobian, weights)), float(np.linalg.det(deformation).min())
+
+
+def strain_energy(*arguments, **options) -> float:
+    """Strain energy in N mm; arguments as of ``energy_and_volume_ratio``."""
+    return energy_and_volume_ratio(*arguments, **options)[0]

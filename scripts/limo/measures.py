@@ -24,7 +24,7 @@ from limo.contact import endo_through_epi, first_contact, front_through_back
 from limo.equilibrium import residual
 from limo.errors import LimoError, ResultError
 from limo.fatigue import ENDURANCE, FLAGS, cycles_to_failure, largest_amplitude
-from limo.files import write_whole
+from limo.files import UNREADABLE, write_whole
 from limo.layer import SIDES, flat_areas, flat_points, inside_out, layer_state, surface_points
 from limo.mesh import read_mesh
 from limo.model import Model, build_model
@@ -104,6 +104,7 @@ class CaseFrames:
 
     ``motion`` (f, 2, n, 3): velocity and acceleration in mm/s and mm/s^2 on the solver's clock. ``event_pressure`` (e, 2) in
     kPa and ``event_displacement`` (e, 2, n, 3) in mm: before and after each buckling event. Frames may come without these.
+    ``damping`` (1/s) on the solver's clock is that of the attempt that made them.
     """
 
     file: Path
@@ -113,6 +114,7 @@ class CaseFrames:
     motion: np.ndarray | None
     event_pressure: np.ndarray
     event_displacement: np.ndarray
+    damping: float = 0.0
 
     def find(self, requested: float) -> int | None:
         """Index of the frame kept for a pressure (kPa); None when the case did not get there."""
@@ -133,8 +135,9 @@ def read_frames(file: Path, n_nodes: int) -> CaseFrames:
             data.motion.values if "motion" in data else None,
             data.event_pressure.values if "event_pressure" in data else np.empty((0, 2)),
             data.event_displacement.values if "event_displacement" in data else np.empty((0, 2, n_nodes, 3)),
+            float(data.attrs.get("damping", 0.0)),
         )
-    except (OSError, ValueError, KeyError, AttributeError) as error:
+    except UNREADABLE as error:
         raise ResultError(f"{file}: not the frames of a case ({error})") from None
     if not len(found.pressure):
         raise ResultError(f"{file}: no frames (the case did not reach P_a = 0)")
@@ -236,11 +239,10 @@ def _stress(values: dict, k: int, model: Model, stress: np.ndarray, zone: np.nda
 
 
 def _equilibrium(values: dict, k: int, model: Model, frames: CaseFrames, at: int, source: str) -> None:
-    damping = model.case.numerics.solver_damping
     known = frames.motion is not None and np.isfinite(frames.motion[at]).all()
     motion = frames.motion[at].astype(float) if known else None
     stored = frames.displacement[at]
-    found = residual(model, stored.astype(float), frames.pressure[at], motion, damping, source, stored.dtype)
+    found = residual(model, stored.astype(float), frames.pressure[at], motion, frames.damping, source, stored.dtype)
     values["residual"][k], values["residual_floor"][k] = found.resultant, found.resultant_floor
     values["residual_full"][k], values["residual_full_floor"][k] = found.full, found.floor
     values["viscous_share"][k] = found.viscous
@@ -380,7 +382,7 @@ def gather_measures(
             with xr.open_dataset(case_folder / source / "measures.nc") as measured:
                 measured = measured.load()
             status[index], reason[index] = measured.attrs["status"], measured.attrs["reason"]
-        except (OSError, ValueError, KeyError) as error:
+        except UNREADABLE as error:
             reason[index] = str(error)
             continue
         if status[index] == "measured":

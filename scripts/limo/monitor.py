@@ -19,7 +19,7 @@ from limo.cost import duration
 from limo.status import FAILED, STATUSES, CaseStatus, Sweep, short_names
 
 LOG = "logs/sweep.log"  # in the folder of results
-_STYLES = {"running": "cyan", "waiting": "dim", "converged": "green", "stale": "yellow"} | dict.fromkeys(
+_STYLES = {"running": "cyan", "waiting": "dim", "converged": "green", "degraded": "yellow", "stale": "yellow"} | dict.fromkeys(
     ("diverged", "timed_out", "crashed"), "red"
 )
 _WIDTH = 130  # columns where there is no terminal
@@ -68,7 +68,7 @@ def _text(value: float | None, form: str) -> str:
 
 def _most_telling(statuses: Sequence[CaseStatus], count: int) -> list[CaseStatus]:
     """At most ``count`` cases in their order: those that run or failed, then those that ended, then those that wait."""
-    order = {"running": 0, **dict.fromkeys(FAILED, 1), "converged": 2, "waiting": 3}
+    order = {"running": 0, **dict.fromkeys(FAILED, 1), "degraded": 2, "converged": 3, "waiting": 4}
     kept = sorted(range(len(statuses)), key=lambda k: (order[statuses[k].status], k))[: max(count, 1)]
     return [statuses[k] for k in sorted(kept)]
 

@@ -8,18 +8,21 @@ from __future__ import annotations
 
 import logging
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from limo.case import SOLVE_CODE, Case, Wanted, cross_checks, solve_code, study_cases, wanted_cases
-from limo.config import Loaded
+from limo.case import SOLVE_CODE, Case, Wanted, cross_checks, digest, solve_code, study_cases, wanted_cases
+from limo.config import ENGINES, Loaded
 from limo.errors import ResultError
-from limo.files import read_json
+from limo.files import is_whole, read_json
+from limo.judge import USABLE
 
 log = logging.getLogger(__name__)
 CROSS_CHECK = "cross_check"
+RESULT_FILES = ("case.json", "status.json", "volumes.nc", "frames.nc")
 _CLOSE = 1e-6  # kPa, pressures closer than this are the same
 _LABEL = re.compile(r"^\w+?_np\d+_pv[\d.]+_ar[\d.]+_eh[\d.]+(?=_)")
 
@@ -55,21 +58,62 @@ class Solved:
     @property
     def reached(self) -> float:
         """Highest P_a (kPa) of an accepted increment; without end for a case that converged."""
-        return float("inf") if self.status.get("status") == "converged" else self.status.get("actuation_pressure_reached") or 0.0
+        return float("inf") if self.status.get("status") in USABLE else self.status.get("actuation_pressure_reached") or 0.0
+
+    def settled(self, recovery: str) -> bool:
+        """Whether solving it again could not help: nothing outside broke it off, and another ladder was not needed.
+
+        ``recovery``: digest of the ladder of its engine. A case that succeeded at the first attempt never saw a ladder.
+        """
+        if self.status.get("interrupted"):
+            return False
+        attempts = self.status.get("attempts") or [self.status]
+        solved_with = self.status.get("recovery")
+        return attempts[0].get("status") in USABLE or not solved_with or solved_with.split("-")[0] == recovery
+
+    def next_recovery(self, recovery: str) -> str:
+        """What the next solve of it is called: its ladder, and the how manieth solve it is."""
+        if self.settled(recovery) and (before := self.status.get("recovery")):
+            return before
+        count = str(self.status.get("recovery") or "-0").rpartition("-")[2]
+        return f"{recovery}-{int(count) + 1}" if count.isdigit() else f"{recovery}-0"
 
 
-def solved_cases(results: Path) -> dict[str, Solved]:
-    """The cases below ``results/cases`` by id; a folder whose files are absent or damaged is not one."""
-    found = {}
+def solved_cases(results: Path) -> tuple[dict[str, Solved], dict[str, str]]:
+    """The cases below ``results/cases`` by id, and of those whose files are damaged when that was done."""
+    found, damaged = {}, {}
     folder = results / "cases"
     for name in sorted(p.name for p in folder.iterdir()) if folder.is_dir() else ():
         try:
             described, status = read_json(folder / name / "case.json"), read_json(folder / name / "status.json")
         except ResultError as error:
             log.debug("%s", error)
-            continue
-        found[name] = Solved(name, described, status)
-    return found
+            described = status = {}
+        if described and status and is_sound(folder / name, described, status):
+            found[name] = Solved(name, described, status)
+        elif (folder / name / "status.json").exists():
+            files = [file for file in (folder / name / n for n in RESULT_FILES) if file.exists()]
+            damaged[name] = str(max(file.stat().st_mtime_ns for file in files))
+    return found, damaged
+
+
+def is_sound(folder: Path, described: dict[str, Any], status: dict[str, Any]) -> bool:
+    """Whether ``case.json`` and ``status.json`` hold what they should, and the files beside them are those of the solve."""
+    case = described.get("case")
+    if not isinstance(case, dict) or not isinstance(case.get("engine"), str) or not isinstance(status.get("status"), str):
+        return False
+    frames, attempts, files = case.get("frames") or [], status.get("attempts") or [], status.get("files") or {}
+    if not isinstance(frames, list) or not all(isinstance(p, int | float) for p in frames):
+        return False
+    if not isinstance(attempts, list) or not all(isinstance(a, dict) and isinstance(a.get("status"), str) for a in attempts):
+        return False
+    if not isinstance(status.get("recovery") or "", str) or not isinstance(
+        status.get("actuation_pressure_reached") or 0.0, int | float
+    ):
+        return False
+    written = (folder / "status.json").stat().st_mtime
+    known = isinstance(files, dict) and all(name in RESULT_FILES for name in files)
+    return known and all(is_whole(folder / name, stamp, written) for name, stamp in files.items())
 
 
 def holds(kept: tuple[float, ...], needed: set[float]) -> bool:
@@ -114,7 +158,8 @@ class Plan:
     ``cases`` by id, with the frames they keep; ``to_solve``, the ids among them that are not on disk as they are wanted;
     ``served``, by study and grid point the id of the case that stands for it (after them, behind ``cross_check``, those of
     the other engine); ``wanted``, what is measured of each;
-    ``solved``, all cases on disk.
+    ``solved``, all cases on disk; ``damaged``, those whose files are, and since when; ``ladders``, digests of the recovery
+    ladders by engine.
     """
 
     cases: dict[str, Case]
@@ -122,6 +167,34 @@ class Plan:
     served: dict[str, dict[tuple, str]]
     wanted: dict[str, Wanted]
     solved: dict[str, Solved]
+    damaged: dict[str, str]
+    ladders: dict[str, str]
+
+    def recovery_of(self, case_id: str) -> str:
+        """What a solve of a case is called: the same as long as what is on disk stays, another where it has to be solved again.
+
+        So a case whose solver was killed or whose files were damaged, and one that failed with another ladder, are solved
+        again; a change of the ladder does not touch the others.
+        """
+        ladder = self.ladders[self.cases[case_id].engine]
+        if case_id in self.damaged:
+            return f"{ladder}-{self.damaged[case_id]}"
+        return self.solved[case_id].next_recovery(ladder) if case_id in self.solved else f"{ladder}-0"
+
+    def with_cases(self, cases: Iterable[Case]) -> Plan:
+        """The same plan and cases that no study asks for, each served by itself."""
+        added = {case.case_id: case for case in cases}
+        to_solve = {
+            name
+            for name, case in added.items()
+            if (one := self.solved.get(name)) is None
+            or not (one.current and one.settled(self.ladders[case.engine]) and holds(one.frames, set(case.frames)))
+        }
+        return replace(
+            self,
+            cases=self.cases | {n: c for n, c in added.items() if n not in self.cases},
+            to_solve=self.to_solve | (to_solve - self.cases.keys()),
+        )
 
     def of_study(self, name: str) -> list[str]:
         """Ids of the cases that serve a study, each once, in the order of its grid."""
@@ -139,10 +212,11 @@ def make_plan(loaded: Loaded, results: Path = Path("results")) -> Plan:
     solved anyway the one that goes furthest; its own, to be solved.
     """
     groups, members = _groups(loaded)
-    solved = solved_cases(results)
+    solved, damaged = solved_cases(results)
+    ladders = {engine: digest([rung.model_dump() for rung in getattr(loaded.config.recovery, engine)]) for engine in ENGINES}
     on_disk: dict[str, list[Solved]] = {}
     for one in solved.values():
-        if (label := _LABEL.match(one.case_id)) and one.current:
+        if (label := _LABEL.match(one.case_id)) and one.current and one.settled(ladders[one.described["case"]["engine"]]):
             on_disk.setdefault(label.group(), []).append(one)
     own = {group.case_id for group in groups}
     used: dict[str, Case] = {}
@@ -173,7 +247,7 @@ def make_plan(loaded: Loaded, results: Path = Path("results")) -> Plan:
         chosen[id(group)] = serving
     cases = {n: replace(c, frames=tuple(sorted(frames[n]))) if n in frames else c for n, c in used.items()}
     served = {name: {key: chosen[id(group)] for key, group in of.items()} for name, of in members.items()}
-    return Plan(cases, frozenset(frames), served, wanted_cases(loaded, served=served), solved)
+    return Plan(cases, frozenset(frames), served, wanted_cases(loaded, served=served), solved, damaged, ladders)
 
 
 def _groups(loaded: Loaded) -> tuple[list[_Group], dict[str, dict[tuple, _Group]]]:

@@ -14,11 +14,14 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
+from typing import IO
 
 from limo.errors import LimoError
 from limo.files import write_json
 
 LOCK, FILE = "lock", "run/progress.json"  # in the folder of a case
+SWEEP = ".sweep"  # in the folder of results
+NUMERICS = "numerics.json"  # in the folder of a run: numerics that a recovery ladder has changed
 INTERVAL = 0.3  # s between two progress files
 _TRIES, _PAUSE = 20, 0.05  # a reader holds the lock for an instant
 _listener: ContextVar[Callable[[dict[str, object]], None] | None] = ContextVar("listener", default=None)
@@ -58,6 +61,27 @@ def solving(folder: Path) -> Iterator[None]:
             _listener.reset(token)
         # only now: a lock that nobody holds tells of a solve that was broken off
         (folder / LOCK).unlink(missing_ok=True)
+
+
+def enter_sweep(results: Path, snakemake_locks: Path) -> IO[str] | None:
+    """Take part in the sweeps of a folder as long as the file that is returned stays open; None where it cannot be written.
+
+    Snakemake's own locks outlive a sweep that is killed. Whoever comes when nobody else is here removes them.
+    """
+    try:
+        results.mkdir(parents=True, exist_ok=True)
+        here = (results / SWEEP).open("a", encoding="utf-8")
+        try:
+            fcntl.flock(here.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            pass
+        else:
+            for stale in snakemake_locks.glob("*.lock"):
+                stale.unlink(missing_ok=True)
+        fcntl.flock(here.fileno(), fcntl.LOCK_SH)
+    except OSError:
+        return None
+    return here
 
 
 def _taken(handle: int, folder: Path) -> bool:

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,82 +17,183 @@ import xarray as xr
 
 from limo.buckling import Event, events, largest_events
 from limo.case import Case, describe
-from limo.config import STAGES, Solver
-from limo.energy import EnergyBalance, conjugate_volumes, ramp_balance, stored_energy
+from limo.config import STAGES, Limits, Rung, Solver
+from limo.energy import EnergyBalance, conjugate_volumes, energy_and_volume_ratio_of, ramp_balance
 from limo.engines import Path as EnginePath
 from limo.engines import calculix
 from limo.errors import ResultError
-from limo.files import write_json, write_whole
-from limo.mesh import read_mesh
+from limo.files import UNREADABLE, stamp_of, write_json, write_netcdf
+from limo.judge import USABLE, measure, unbelievable, verdict
+from limo.mesh import DeviceMesh, read_mesh
 from limo.model import Model, build_model
+from limo.progress import NUMERICS
+from limo.recovery import CONFIGURED, climb
 from limo.volumes import flux_triangles, volumes
 
 log = logging.getLogger(__name__)
 ML = 1.0e-3  # ml in a mm^3
-#: largest displacement, over the device length, that a frame may show and still be believed
-LARGEST_DISPLACEMENT = 3.0
 
 
-def solve_case(case: Case, mesh_file: Path, folder: Path, solver: Solver, command: Path | None = None) -> dict:
+@dataclass(frozen=True)
+class Attempt:
+    """One solve of a case: with which rung, how it ended, what it left, and what it cost."""
+
+    rung: str
+    status: str
+    reason: str
+    path: EnginePath
+    history: xr.Dataset
+    frames: xr.Dataset
+    summary: dict
+
+    @property
+    def standing(self) -> tuple[bool, bool, float]:
+        """By which the best of several attempts is chosen: usable, converged, P_a reached (kPa)."""
+        return self.status in USABLE, self.status == "converged", self.summary["actuation_pressure_reached"]
+
+
+def solve_case(
+    case: Case,
+    mesh_file: Path,
+    folder: Path,
+    solver: Solver,
+    command: Path | None = None,
+    limits: Limits | None = None,
+    rungs: Sequence[Rung] = (),
+    recovery: str = "",
+) -> dict:
     """Solve ``case`` and write ``case.json``, ``status.json``, ``volumes.nc``, ``frames.nc`` into ``folder``; returns the status.
 
     ``command`` is CalculiX's executable. It runs in ``folder/run``: its own large files are removed, deck, log and .sta stay.
+    While a case fails, ``rungs`` are climbed one after the other; the best attempt is kept, and all of them are in the status.
+    ``recovery`` is kept there too: what the ladder was when the case was solved.
     """
-    run_folder = folder / "run"
-    run_folder.mkdir(parents=True, exist_ok=True)
-    for stale in run_folder.iterdir():
-        stale.unlink()
+    limits = limits or Limits()
     mesh = read_mesh(mesh_file, case.mesh.symmetry)
-    model = build_model(case, mesh)
-    log.info("%s: %d elements, %d equations or more", case.case_id, len(mesh.quads), 3 * len(model.nodes))
-    with _solved(model, run_folder, solver, command) as path:
-        history, frames, harvest_error = _harvest(model, path)
-    status, reason = path.status, path.reason
-    if harvest_error:
-        status, reason = ("crashed" if status == "converged" else status), f"{reason} {harvest_error}".strip()
-    rest = {"rest_change": 0.0, "rested": True} if path.is_static else _rest(history, case.numerics.rest_tolerance)
-    if status == "converged" and not rest["rested"]:
-        reason = "the device had not come to rest at the end of the hold"
+    attempts = [_attempt(CONFIGURED, case, mesh, folder, solver, command, limits)]
+    best, tried = attempts[0], case
+    for rung in rungs:
+        before = attempts[-1]
+        if before.status in USABLE or before.path.interrupted or not _began(before.path):
+            break
+        tried = replace(tried, numerics=climb(tried.numerics, rung, before.path.ended_in))
+        log.info("%s: %s; tried again with %s", before.status, before.reason, rung.name)
+        attempts.append(_attempt(rung.name, tried, mesh, folder, solver, command, limits, before.path))
+        best = max(best, attempts[-1], key=lambda attempt: attempt.standing)
+        attempts[:-1] = [replace(a, history=None, frames=None) for a in attempts[:-1]]
+    paths = [attempt.path for attempt in attempts]
     summary = {
         "case": case.case_id,
         "engine": case.engine,
-        "status": status,
-        "reason": reason,
-        "actuation_pressure_reached": float(history.actuation_pressure[-1]) if history.sizes["increment"] else 0.0,
-        "increments": len(path.stage),
-        "rejected_attempts": path.rejected,
-        "iterations": sum(path.iterations.values()),
-        "iterations_by_stage": path.iterations,
-        "solver": path.build,
+        "status": best.status,
+        "reason": best.reason,
+        **best.summary,
+        "rejected_attempts": sum(p.rejected for p in paths),
+        "iterations": sum(sum(p.iterations.values()) for p in paths),
+        "iterations_by_stage": {s: sum(p.iterations[s] for p in paths) for s in STAGES},
+        "solver": best.path.build,
         "threads": solver.threads,
-        "solver_cpu_seconds": round(path.cpu_seconds, 2),
-        "solver_wall_seconds": round(path.wall_seconds, 2),
-        "solver_memory_mib": round(path.memory, 1),
-        "degrees_of_freedom": 3 * len(model.expansion.nodes),
+        "solver_cpu_seconds": round(sum(p.cpu_seconds for p in paths), 2),
+        "solver_wall_seconds": round(sum(p.wall_seconds for p in paths), 2),
+        "solver_memory_mib": round(max(p.memory for p in paths), 1),
         "elements": len(mesh.quads),
-        **path.details,
+        **best.path.details,
+        "limits": limits.model_dump(),
+        "attempts": [_record(attempt) for attempt in attempts],
+        "recovery": recovery,
+        "interrupted": best.status not in USABLE and attempts[-1].path.interrupted,
     }
-    summary |= rest | _energy(model, history, frames)
-    history.attrs |= {"case": case.case_id, "status": status, "reason": reason}
+    if summary["interrupted"]:
+        summary["reason"] = f"{attempts[-1].reason}; solved again when the sweep is started again"
+    best.history.attrs |= {"case": case.case_id, "status": summary["status"], "reason": summary["reason"]}
     write_json(folder / "case.json", describe(case))
-    write_whole(folder / "frames.nc", frames.to_netcdf)
-    write_whole(folder / "volumes.nc", history.to_netcdf)
+    write_netcdf(best.frames, folder / "frames.nc")
+    write_netcdf(best.history, folder / "volumes.nc")
+    summary["files"] = {name: stamp_of(folder / name) for name in ("case.json", "frames.nc", "volumes.nc")}
     # of this process, start and imports included
-    summary["python_cpu_seconds"] = round(time.process_time() - (path.cpu_seconds if path.in_process else 0.0), 2)
+    in_process = sum(p.cpu_seconds for p in paths if p.in_process)
+    summary["python_cpu_seconds"] = round(time.process_time() - in_process, 2)
     write_json(folder / "status.json", summary)
     for pattern in ("*.frd", "*.dat", "*.12d", "*.eig", "spooles.out"):
-        for large in run_folder.glob(pattern):
+        for large in (folder / "run").glob(pattern):
             large.unlink()
     return summary
 
 
+def _attempt(
+    rung: str,
+    case: Case,
+    mesh: DeviceMesh,
+    folder: Path,
+    solver: Solver,
+    command: Path | None,
+    limits: Limits,
+    before: EnginePath | None = None,
+) -> Attempt:
+    """Solve a case once in an empty ``folder/run``, and judge it. ``before``: path of the attempt before, to carry on from."""
+    run_folder = folder / "run"
+    run_folder.mkdir(parents=True, exist_ok=True)
+    for stale in run_folder.iterdir():
+        stale.unlink()
+    if before is not None:
+        write_json(run_folder / NUMERICS, case.numerics.model_dump(mode="json"))
+    model = build_model(case, mesh)
+    log.info("%s, %s: %d elements, %d equations or more", case.case_id, rung, len(mesh.quads), 3 * len(model.nodes))
+    with _solved(model, run_folder, solver, command, before) as path:
+        history, frames, harvest_error = _harvest(model, path)
+    status, reason = path.status, path.reason
+    if harvest_error:
+        status, reason = ("diverged" if status == "converged" else status), f"{reason} {harvest_error}".strip()
+    rest = {"rest_change": 0.0, "rested": True} if path.is_static else _rest(history, case.numerics.rest_tolerance)
+    balance = _energy(model, history, frames)
+    checks = measure(model, history, ramp_of(history), frames, balance, rest["rested"])
+    status, reason = verdict(status, reason, checks, limits)
+    reached = float(history.actuation_pressure[-1]) if history.sizes["increment"] else 0.0
+    summary = {
+        "actuation_pressure_reached": reached,
+        "increments": len(path.stage),
+        "degrees_of_freedom": 3 * len(model.expansion.nodes),
+        **rest,
+        **balance,
+        "checks": {k: v for k, v in asdict(checks).items() if k not in ("rested", "dissipated_fraction")},
+    }
+    return Attempt(rung, status, reason, path, history, frames, summary)
+
+
+def _began(path: EnginePath) -> bool:
+    """Whether an engine took a step at all; what it refuses to begin, it refuses with other numerics too."""
+    return path.status != "crashed" or sum(path.iterations.values()) > 0
+
+
+def _record(attempt: Attempt) -> dict:
+    """What the status keeps of an attempt."""
+    return {
+        "rung": attempt.rung,
+        "status": attempt.status,
+        "reason": attempt.reason,
+        "ended_in": attempt.path.ended_in,
+        "actuation_pressure_reached": attempt.summary["actuation_pressure_reached"],
+        "iterations": sum(attempt.path.iterations.values()),
+        "solver_cpu_seconds": round(attempt.path.cpu_seconds, 2),
+        "solver_wall_seconds": round(attempt.path.wall_seconds, 2),
+    }
+
+
+def follow(model: Model, run_folder: Path, solver: Solver, command: Path | None = None) -> tuple[str, xr.Dataset]:
+    """How a model's path ends, and its volumes at every increment: a solve of which nothing is kept."""
+    with _solved(model, run_folder, solver, command, None) as path:
+        return path.status, _harvest(model, path)[0]
+
+
 @contextmanager
-def _solved(model: Model, run_folder: Path, solver: Solver, command: Path | None) -> Iterator[EnginePath]:
-    """The path of a model by the engine of its case."""
+def _solved(
+    model: Model, run_folder: Path, solver: Solver, command: Path | None, before: EnginePath | None
+) -> Iterator[EnginePath]:
+    """The path of a model by the engine of its case. CalculiX cannot carry on from ``before`` (see ``limo.deck``)."""
     if model.case.engine == "newton":
         from limo.engines import newton  # brings MKL, which the other engine does not need
 
-        yield newton.solve(model, solver)
+        yield newton.solve(model, solver, after=before)
     else:
         with calculix.solve(model, run_folder, solver, command) as path:
             yield path
@@ -102,6 +203,7 @@ def _harvest(model: Model, path: EnginePath) -> tuple[xr.Dataset, xr.Dataset, st
     """Volumes of every increment up to the first that cannot be believed, and the displacements of the chosen ones."""
     case = model.case
     rows: list[tuple[float, ...]] = []
+    states: list[tuple[float, ...]] = []
     frames: list[np.ndarray] = []
     motions: list[np.ndarray] = []
     kept: list[tuple[float, float]] = []
@@ -114,11 +216,16 @@ def _harvest(model: Model, path: EnginePath) -> tuple[xr.Dataset, xr.Dataset, st
     try:
         for k in range(len(path.stage)):
             u = path.displacements(k)
-            if not np.isfinite(u).all() or np.abs(u).max() > LARGEST_DISPLACEMENT * case.device.pattern.length:
-                error = f"displacements beyond {LARGEST_DISPLACEMENT:g} L at {path.clock[k]:g} s"
+            if problem := unbelievable(u, np.nan, case.device.pattern.length):
+                error = f"{problem} at P_a = {path.pressure[k]:g} kPa of the {STAGES[path.stage[k]]}"
+                break
+            energy, smallest = (np.nan, np.nan) if model.is_shell else energy_and_volume_ratio_of(model, u)
+            if problem := unbelievable(u, smallest, case.device.pattern.length):
+                error = f"{problem} at P_a = {path.pressure[k]:g} kPa of the {STAGES[path.stage[k]]}"
                 break
             rows.append(_volumes(model, u))
-        history = _history(path, rows)
+            states.append((energy, smallest, np.abs(u).max()))
+        history = _history(path, rows, states)
         for wanted, k, pressure in _nearest_increments(case, history):
             frames.append(displacements(k))
             if path.is_static:
@@ -130,7 +237,7 @@ def _harvest(model: Model, path: EnginePath) -> tuple[xr.Dataset, xr.Dataset, st
             around[event] = [displacements(k) for k in ends]
     except ResultError as problem:
         error = str(problem)
-        history = _history(path, rows)
+        history = _history(path, rows[: len(states)], states)
     per_node = (model.reference_start, 3)
     dataset = xr.Dataset(
         {
@@ -165,7 +272,11 @@ def _harvest(model: Model, path: EnginePath) -> tuple[xr.Dataset, xr.Dataset, st
             ),
             "axis": ["x", "y", "z"],
         },
-        attrs={"case": case.case_id, "symmetry": case.mesh.symmetry},
+        attrs={
+            "case": case.case_id,
+            "symmetry": case.mesh.symmetry,
+            "damping": 0.0 if path.is_static else case.numerics.solver_damping,
+        },
     )
     return history, dataset, error
 
@@ -224,8 +335,8 @@ def _nearest_increments(case: Case, history: xr.Dataset) -> list[tuple[float, in
     return chosen
 
 
-def _history(path: EnginePath, volumes: list[tuple[float, ...]]) -> xr.Dataset:
-    """The volumes (k, 6) in mm^3 of the first k increments of a path, in ml."""
+def _history(path: EnginePath, volumes: list[tuple[float, ...]], states: Sequence[tuple[float, ...]] = ()) -> xr.Dataset:
+    """The first k increments of a path: volumes (k, 6) in mm^3; ``states`` (k, 3): strain energy in mJ, det F, mm."""
     count = len(volumes)
     volumes_ml = np.array(volumes, float).reshape(-1, 6) * ML
     names = {
@@ -238,6 +349,14 @@ def _history(path: EnginePath, volumes: list[tuple[float, ...]]) -> xr.Dataset:
     }
     stage, pressure, clock = (a[:count] for a in (path.stage, path.pressure, path.clock))
     data = {n: ("increment", volumes_ml[:, k], {"units": "ml", "long_name": text}) for k, (n, text) in enumerate(names.items())}
+    of_states = {
+        "strain_energy": ("mJ", "strain energy of the full device, U"),
+        "smallest_volume_ratio": ("1", "smallest det F of the integration points"),
+        "largest_displacement": ("mm", "largest component of a displacement"),
+    }
+    if len(states):
+        for k, (name, (units, text)) in enumerate(of_states.items()):
+            data[name] = ("increment", np.array(states, float)[:, k], {"units": units, "long_name": text})
     return xr.Dataset(
         data,
         coords={
@@ -267,7 +386,7 @@ def read_ramp(folder: Path) -> xr.Dataset:
     try:
         with xr.open_dataset(file) as history:
             return ramp_of(history.load())
-    except (OSError, ValueError, KeyError, AttributeError) as error:
+    except UNREADABLE as error:
         raise ResultError(f"{file}: not the volumes of a case ({error})") from None
 
 
@@ -289,10 +408,10 @@ def _energy(model: Model, history: xr.Dataset, frames: xr.Dataset) -> dict:
         return {"dissipated_fraction": None}
     first, last = (float(frames.actuation_pressure[k]) for k in (0, -1))
     part = ramp.isel(increment=(ramp.actuation_pressure >= first - 1e-9) & (ramp.actuation_pressure <= last + 1e-9))
-    stored = [stored_energy(model, frames.displacement[k].values.astype(float)) for k in (0, -1)]
+    stored = part.strain_energy.values[[0, -1]]
     conjugate = np.stack([part.ventricle_volume_conjugate, part.actuation_volume_conjugate], axis=1) / ML
     balance: EnergyBalance = ramp_balance(
-        part.actuation_pressure.values, case.ventricular_pressure, conjugate, stored[1] - stored[0]
+        part.actuation_pressure.values, case.ventricular_pressure, conjugate, float(stored[1] - stored[0])
     )
     named = {f"{name}_mj": round(value, 4) for name, value in asdict(balance).items()}
     return named | {

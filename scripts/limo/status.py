@@ -1,8 +1,8 @@
 """Where the cases of a sweep are, read from their files: while it runs, when it is done, and when it was killed.
 
 A case is ``waiting``; ``running``, which a lock tells (``progress``); ``stale`` when it was begun, has no result and nobody
-solves it; or it has ended as ``converged``, ``diverged``, ``timed_out`` or ``crashed``. Files that another process is just
-writing count as far as they can be read.
+solves it; or it has ended as ``converged``, ``degraded``, ``diverged``, ``timed_out`` or ``crashed``. Files that another
+process is just writing count as far as they can be read.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ from pathlib import Path
 from typing import Any
 
 from limo.case import Case
-from limo.config import STAGES, Loaded, load_config
+from limo.config import STAGES, Loaded, Numerics, load_config
 from limo.cost import predict, schedule, seconds_left, share_done
 from limo.deck import actuation_pressure_at, stage_times
 from limo.engines.calculix import JOB, read_sta
 from limo.engines.find import find_engines
 from limo.errors import ResultError
 from limo.files import read_json
-from limo.plan import Plan, Solved, holds, make_plan
-from limo.progress import FILE, LOCK, solving_since
+from limo.plan import Plan, Solved, holds, is_sound, make_plan
+from limo.progress import FILE, LOCK, NUMERICS, solving_since
 
-ENDED = ("converged", "diverged", "timed_out", "crashed")
+ENDED = ("converged", "degraded", "diverged", "timed_out", "crashed")
 FAILED = ("diverged", "timed_out", "crashed", "stale")
 STATUSES = ("running", "waiting", "stale", *ENDED)
 RECENT = 120.0  # s within which files must have grown for a case to run where the file system knows no locks
@@ -109,7 +109,8 @@ def case_status(case: Case, folder: Path, predicted: float | None = None) -> Cas
     """Where one case is. ``predicted``: the time (s) that a solve of it should take."""
     name, maximum = case.case_id, case.actuation_pressure_max
     since, ended = solving_since(folder), read_ended(folder)
-    if since is None and ended is not None and fits(ended, case):
+    damaged = ended is not None and not is_sound(folder, ended.described, ended.status)
+    if since is None and ended is not None and not damaged and fits(ended, case):
         return ended_status(name, ended.status, maximum)
     place = _place(case, folder)
     if since is None and not (folder / LOCK).exists() and place is not None and time.time() - place.written < RECENT:
@@ -117,8 +118,9 @@ def case_status(case: Case, folder: Path, predicted: float | None = None) -> Cas
     if since is not None and place is not None and place.written < since:
         place = None  # of an earlier run
     if since is None and ended is not None:
+        reason = "files are damaged" if damaged else "solved by other code or without frames that are wanted"
         return CaseStatus(
-            name, "waiting", "solved by other code or without frames that are wanted", seconds_left=predicted,
+            name, "waiting", reason, seconds_left=predicted,
             actuation_pressure_max=maximum,
         )  # fmt: skip
     where = _where(place, maximum)
@@ -242,13 +244,21 @@ def _place_calculix(case: Case, run: Path) -> _Place | None:
     increments = read_sta(run / f"{JOB}.sta")
     accepted = [i for i in increments if i.accepted]
     iterations = len(_ITERATION.findall((run / f"{JOB}.cvg").read_bytes())) if run / f"{JOB}.cvg" in files else 0
-    times = stage_times(case.numerics, case.actuation_pressure_max)
+    times = stage_times(_numerics(case, run), case.actuation_pressure_max)
     clock = accepted[-1].total_time if accepted else 0.0
     shares = tuple(min(max((clock - t.start) / t.duration, 0.0), 1.0) for t in times)
     stage = next((t.name for t in times if clock < t.end * (1 - 1e-5)), STAGES[-1])  # .sta has six digits
     pressure = float(actuation_pressure_at(times, case.actuation_pressure_max, clock))
     written = max(file.stat().st_mtime for file in files)
     return _Place(stage, pressure, shares, len(accepted), len(increments) - len(accepted), iterations, written)
+
+
+def _numerics(case: Case, run: Path) -> Numerics:
+    """The numerics of the attempt that is running, which a ladder may have changed."""
+    try:
+        return Numerics.model_validate(read_json(run / NUMERICS))
+    except (ResultError, ValueError):
+        return case.numerics
 
 
 def _began(folder: Path) -> float | None:

@@ -14,6 +14,7 @@ from limo.config import load_config
 from limo.cost import duration, plan_costs, schedule
 from limo.engines.find import find_engines
 from limo.errors import ResultError
+from limo.files import UNREADABLE
 from limo.plan import make_plan
 
 _AXES = {
@@ -67,7 +68,7 @@ def study_table(path: Path) -> str:
     try:
         with xr.open_dataset(path) as opened:
             dataset = opened.load()
-    except (OSError, ValueError) as error:
+    except UNREADABLE as error:
         raise ResultError(f"{path}: not a study's dataset ({error})") from None
     dims = list(dataset.case_status.dims)
     cases = dataset.stack(case=dims)

@@ -93,7 +93,7 @@ VERDICTS = {
     "end before the end of the step": (0, "Job finished\n", EARLY, "", "diverged", "ended at 0.2 s of 0.5 s"),
     "log that breaks off": (0, "iteration 1\n", ACCEPTED, "", "diverged", "exit code 0"),
     "missing deck": (0, "Job finished\n", (), "", "crashed", "no increment was accepted"),
-    "only rejected attempts": (201, ERROR, REJECTED, "", "crashed", "too many cutbacks"),
+    "only rejected attempts": (201, ERROR, REJECTED, "", "diverged", "too many cutbacks"),
     "divergence": (201, ERROR, ACCEPTED, "", "diverged", "*ERROR: too many cutbacks in step 1"),
     "malformed deck": (139, "", (), "", "crashed", "exit code 139"),
     "segmentation fault on the way": (139, "", ACCEPTED, "", "crashed", "exit code 139"),

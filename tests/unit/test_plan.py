@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import os
 import shutil
+import time
 
 import pytest
 
 from limo.case import SOLVE_CODE, Case, code_digest, describe, study_cases
-from limo.config import Loaded, Study
-from limo.files import write_json
+from limo.config import Loaded, Recovery, Study
+from limo.files import stamp_of, write_json
 from limo.plan import holds, make_plan, solved_cases
 
 
@@ -236,7 +238,7 @@ def test_a_folder_under_another_name_or_of_another_version_serves_nobody(studies
     (case_id,) = plan.to_solve
     (results.path / "cases" / case_id).rename(results.path / "cases" / f"{case_id[:-10]}0123456789")
     assert make_plan(studies(a={"actuation_pressure_max": 50}), results.path).to_solve
-    (one,) = solved_cases(results.path).values()
+    (one,) = solved_cases(results.path)[0].values()
     assert one.case is None
 
 
@@ -261,3 +263,85 @@ def test_a_case_describes_itself_with_the_code_that_solves_it(make_case):
     described = describe(make_case())
     assert Case.from_dict(described["case"]) == make_case()
     assert described["code"] == code_digest(SOLVE_CODE["calculix"])
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# what is solved again: interrupted cases, damaged files, another ladder
+
+
+def rewritten(results, plan, **status):
+    """The one case of a plan on disk with other words in its status, as if it had been solved with today's recovery."""
+    (case_id,) = plan.to_solve
+    base = {"status": "converged", "actuation_pressure_reached": 60.0, "recovery": plan.recovery_of(case_id)}
+    write_json(results.path / "cases" / case_id / "status.json", base | status)
+    return case_id
+
+
+def with_ladder(loaded, *names):
+    """The same configuration with another ladder of CalculiX."""
+    rungs = {"calculix": [{"name": n, "multiply": {"first_increment": 0.5}} for n in names]}
+    config = loaded.config.model_copy(update={"recovery": Recovery.model_validate(rungs)})
+    made = Loaded(config, loaded.devices, loaded.studies, loaded.files)
+    made.builds = loaded.builds
+    return made
+
+
+def test_a_case_whose_solver_was_killed_is_solved_again_until_it_is_settled(studies, results):
+    loaded = studies(one={})
+    plan = make_plan(loaded, results.path)
+    results.solve(plan)
+    case_id = rewritten(results, plan, status="crashed", interrupted=True)
+    again = make_plan(loaded, results.path)
+    assert again.to_solve == {case_id}
+    assert again.recovery_of(case_id) != plan.recovery_of(case_id), "a change that Snakemake sees"
+    rewritten(results, again)
+    settled = make_plan(loaded, results.path)
+    assert not settled.to_solve
+    assert settled.recovery_of(case_id) == again.recovery_of(case_id)
+
+
+def test_another_ladder_solves_again_what_failed_and_nothing_else(studies, results):
+    loaded = studies(one={})
+    plan = make_plan(loaded, results.path)
+    results.solve(plan)
+    case_id = rewritten(results, plan)
+    changed = make_plan(with_ladder(loaded, "a"), results.path)
+    assert not changed.to_solve
+    assert changed.recovery_of(case_id) == plan.recovery_of(case_id)
+    tried = [{"rung": "as configured", "status": "diverged"}, {"rung": "smaller_start", "status": "converged"}]
+    for attempts in (tried, tried[:1]):
+        rewritten(results, plan, status=attempts[-1]["status"], attempts=attempts)
+        assert not make_plan(loaded, results.path).to_solve
+        changed = make_plan(with_ladder(loaded, "a"), results.path)
+        assert changed.to_solve == {case_id}
+        assert changed.recovery_of(case_id) != plan.recovery_of(case_id)
+
+
+def test_a_degraded_case_is_a_result(studies, results):
+    loaded = studies(one={})
+    plan = make_plan(loaded, results.path)
+    results.solve(plan, status="degraded")
+    assert not make_plan(loaded, results.path).to_solve
+    assert make_plan(loaded, results.path).solved.popitem()[1].reached == float("inf")
+
+
+@pytest.mark.parametrize("damage", ["cut", "changed", "gone", "other size"])
+def test_a_case_whose_files_are_damaged_is_solved_again(studies, results, damage):
+    loaded = studies(one={})
+    plan = make_plan(loaded, results.path)
+    results.solve(plan)
+    (case_id,) = plan.to_solve
+    file = results.path / "cases" / case_id / "volumes.nc"
+    file.write_bytes(b"some volumes")
+    rewritten(results, plan, files={"volumes.nc": stamp_of(file)})
+    assert not make_plan(loaded, results.path).to_solve
+    file.touch()
+    assert not make_plan(loaded, results.path).to_solve, "touched is not changed"
+    if damage == "gone":
+        file.unlink()
+    else:
+        file.write_bytes({"cut": b"some vol", "changed": b"SOME volumes", "other size": b"some more volumes"}[damage])
+        os.utime(file, (time.time() + 10, time.time() + 10))
+    again = make_plan(loaded, results.path)
+    assert again.to_solve == {case_id}
+    assert again.recovery_of(case_id) != plan.recovery_of(case_id)

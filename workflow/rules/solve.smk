@@ -1,6 +1,7 @@
 rule solve_case:
     input:
-        mesh=mesh_of_case,
+        # its name says what it is made of, and params.code by which code: clocks that jump say nothing
+        mesh=ancient(mesh_of_case),
     output:
         case="results/cases/{case}/case.json",
         status="results/cases/{case}/status.json",
@@ -19,6 +20,7 @@ rule solve_case:
     params:
         case=lambda wildcards: PLAN.cases[wildcards.case].to_dict(),
         code=lambda wildcards: solve_code(PLAN.cases[wildcards.case].engine),
+        recovery=lambda wildcards: PLAN.recovery_of(wildcards.case),
     message:
         "Solve {wildcards.case}, predicted {resources.predicted_seconds} s of CPU time"
     script:

@@ -18,7 +18,8 @@ class Path:
     (k,) counts ``STAGES``; ``pressure`` (k,) is P_a in kPa; ``clock`` (k,) is the engine's own time in s.
     ``displacements(k)`` gives (n, 3) in mm at all nodes of the model, good to ``precision``. ``is_static``: every increment is
     an equilibrium without motion. ``iterations`` by stage contain those of ``rejected`` attempts. CPU and wall time in s,
-    ``memory`` in MiB (peak); ``in_process``: spent by this process, not by one of the engine's own.
+    ``memory`` in MiB (peak); ``in_process``: spent by this process, not by one of the engine's own. ``ended_in``: the stage in
+    which it ended. ``interrupted``: ended by something outside of the case, such as a kill or a lack of memory or disk.
     """
 
     status: str
@@ -37,6 +38,8 @@ class Path:
     wall_seconds: float
     memory: float
     details: dict = field(default_factory=dict)
+    ended_in: str = STAGES[-1]
+    interrupted: bool = False
 
 
 def count_stages() -> dict[str, int]:

@@ -37,6 +37,11 @@ LOCAL = Path(__file__).parents[3] / ".local" / "bin" / "ccx"
 TUNED = Path(__file__).parents[3] / ".local" / "ccx-tuned" / "bin" / "ccx"
 _PR_SET_PDEATHSIG = 1
 _POLL = 0.5  # s between looks at a running solver
+#: signals that people, terminals and the kernel's memory killer send; a solver that fails by itself ends with others
+OUTSIDE = frozenset({signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGQUIT, signal.SIGXCPU})
+#: what CalculiX's u_calloc, the loader of its libraries, the Fortran library and PARDISO say
+NO_MEMORY = re.compile(r"error allocating memory|failed to map segment|[Cc]annot allocate memory|PARDISO[^\n]*-2\b")
+LEAST_DISK = 1 << 20  # bytes free, below which CalculiX's files end anywhere: it does not look at what was written
 
 
 def find_ccx(solver: Solver, config_file: str = "config/config.yaml") -> Path:
@@ -129,7 +134,7 @@ class Run:
     """How a run of the solver ended.
 
     ``status`` is ``converged``, ``diverged``, ``timed_out`` or ``crashed``; ``reason`` is empty when it converged.
-    CPU and wall time in s, ``memory`` (peak resident) in MiB.
+    CPU and wall time in s, ``memory`` (peak resident) in MiB. ``interrupted``: what ended it lies outside of the case.
     """
 
     status: str
@@ -139,6 +144,7 @@ class Run:
     cpu_seconds: float
     wall_seconds: float
     memory: float
+    interrupted: bool = False
 
     @property
     def accepted(self) -> tuple[Increment, ...]:
@@ -177,7 +183,8 @@ def read_sta(path: Path) -> tuple[Increment, ...]:
 def solve(model: Model, folder: Path, solver: Solver, command: Path) -> Iterator[EnginePath]:
     """Run a model in ``folder``; the path reads displacements from the solver's results as long as the block lasts.
 
-    A diverged run writes its last, unconverged state too: only increments that .sta accepted count.
+    A diverged run writes its last, unconverged state too: only increments that .sta accepted count. It does not notice when
+    the disk is full: an accepted increment without a frame ends the path.
     """
     case = model.case
     times = write_deck(model, folder / f"{JOB}.inp")
@@ -190,10 +197,14 @@ def solve(model: Model, folder: Path, solver: Solver, command: Path) -> Iterator
                 usable = [f for f in frd.frames if (f.step, f.increment) in accepted]
             except ResultError as problem:
                 error = str(problem)
+        if not error and len(usable) < len(accepted):
+            error = f"deck.frd has {len(usable)} of {len(accepted)} accepted increments"
         clock = np.array([f.time for f in usable], float)
         yield EnginePath(
             status="crashed" if error and outcome.status == "converged" else outcome.status,
             reason=f"{outcome.reason} {error}".strip(),
+            ended_in=_stage_at_the_end(outcome, times),
+            interrupted=outcome.interrupted,
             stage=np.searchsorted([t.end * (1 + 1e-9) for t in times[:-1]], clock),
             pressure=actuation_pressure_at(times, case.actuation_pressure_max, clock),
             clock=clock,
@@ -214,10 +225,18 @@ def _iterations_by_stage(outcome: Run, times: tuple[StageTime, ...]) -> dict[str
     """Newton iterations of each stage by the time at which an increment started, rejected attempts included."""
     counts = count_stages()
     for increment in outcome.increments:
-        started = increment.total_time - (increment.size if increment.accepted else 0.0)
-        stage = next((t.name for t in times if started < t.end * (1 - 1e-6)), STAGES[-1])
-        counts[stage] += increment.iterations
+        counts[_stage_of(increment.total_time - (increment.size if increment.accepted else 0.0), times)] += increment.iterations
     return counts
+
+
+def _stage_of(started: float, times: tuple[StageTime, ...]) -> str:
+    """The stage in which an increment that starts at a solver time lies."""
+    return next((t.name for t in times if started < t.end * (1 - 1e-6)), STAGES[-1])
+
+
+def _stage_at_the_end(outcome: Run, times: tuple[StageTime, ...]) -> str:
+    """The stage after the last accepted increment."""
+    return _stage_of(outcome.accepted[-1].total_time if outcome.accepted else 0.0, times)
 
 
 def run(folder: Path, command: Path, solver: Solver, end_time: float) -> Run:
@@ -249,9 +268,28 @@ def run(folder: Path, command: Path, solver: Solver, end_time: float) -> Run:
             _kill(process)
             raise
     wall = time.monotonic() - started
-    increments = read_sta(folder / f"{JOB}.sta")
-    status, reason = judge(exit_code, log_path.read_text(encoding="utf-8", errors="replace"), increments, end_time, stopped)
-    return Run(status, reason, exit_code, increments, usage.ru_utime + usage.ru_stime, wall, usage.ru_maxrss / 1024)
+    increments, said = read_sta(folder / f"{JOB}.sta"), log_path.read_text(encoding="utf-8", errors="replace")
+    status, reason = judge(exit_code, said, increments, end_time, stopped)
+    outside = "" if stopped or status == "converged" else _outside(exit_code, said, folder)
+    return Run(
+        "crashed" if outside else status,
+        outside or reason,
+        exit_code,
+        increments,
+        usage.ru_utime + usage.ru_stime,
+        wall,
+        usage.ru_maxrss / 1024,
+        bool(outside),
+    )
+
+
+def _outside(exit_code: int, log: str, folder: Path) -> str:
+    """What ended a run although nothing is wrong with the case, or ""."""
+    if -exit_code in OUTSIDE:
+        return f"killed from outside by signal {-exit_code}"
+    if NO_MEMORY.search(log):
+        return "not enough memory"
+    return "the disk is full" if shutil.disk_usage(folder).free < LEAST_DISK else ""
 
 
 def _watch(process: subprocess.Popen, folder: Path, solver: Solver, started: float):
@@ -317,7 +355,8 @@ def judge(exit_code: int, log: str, increments: tuple[Increment, ...], end_time:
     if exit_code < 0:
         return "crashed", f"ended by signal {-exit_code}"
     if not accepted:
-        return "crashed", message or f"no increment was accepted (exit code {exit_code})"
+        status = "diverged" if increments and exit_code in (0, 201) else "crashed"
+        return status, message or f"no increment was accepted (exit code {exit_code})"
     at_end = accepted[-1].total_time >= end_time * (1 - 1e-5)  # .sta has six digits
     if exit_code == 0 and not errors and "Job finished" in log and at_end:
         return "converged", ""

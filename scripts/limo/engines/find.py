@@ -14,6 +14,7 @@ def find_engines(loaded: Loaded, config_file: str) -> Path | None:
     Raises ``ConfigError`` or ``SolverNotFoundError``.
     """
     used = {engine for study in loaded.studies.values() for engine in loaded.engines_of(study)}
+    used.update(loaded.config.stress_test.engines if loaded.config.stress_test else ())
     if "newton" in used:
         loaded.builds["newton"] = f"mkl-{pardiso.mkl_version()}"
     if "calculix" not in used:

@@ -71,29 +71,38 @@ class _State:
     rejected: int = 0
 
 
-def solve(model: Model, solver: Solver, start: np.ndarray | None = None) -> Path:
+def solve(model: Model, solver: Solver, start: np.ndarray | None = None, after: Path | None = None) -> Path:
     """Carry a model through fit and ramp; a state at rest stands between them, so the hold takes no time.
 
     ``start`` (n, 3) in mm, a state with the valve fitted and P_v on, takes the place of the fit; it may lack the reference
-    nodes. Never raises for a model that does not converge: what was accepted is in the path, with status and reason.
+    nodes. ``after``, a path of the same model with other limits that ended at rest or later, is carried on from its last
+    equilibrium; it is part of the path that is returned, its costs are not. Never raises for a model that does not converge:
+    what was accepted is in the path, with status and reason.
     """
     settings, case = model.case.numerics.newton, model.case
     began, used = time.monotonic(), _cpu_seconds()
     set_threads(solver.threads)
     run = _Run(model, settings, began + 60 * solver.time_limit)
-    status, reason = "converged", ""
+    status, reason, interrupted = "converged", "", False
+    resumed = after is not None and bool((after.stage >= HOLD).any())
     try:
-        if start is None:
+        if resumed:
+            run.carry_on(after)
+        elif start is None:
             for share in np.arange(1, settings.fit_steps + 1) / settings.fit_steps:
                 run.advance(FIT, share, share * case.ventricular_pressure, 0.0)
         else:
             run.start_from(start)
-        run.advance(HOLD, 1.0, case.ventricular_pressure, 0.0)
+        if not resumed:
+            run.advance(HOLD, 1.0, case.ventricular_pressure, 0.0)
         run.ramp()
     except _StopError as stop:
         status, reason = stop.status, stop.reason
     except FactorisationError as error:
-        status, reason = "diverged", str(error)
+        interrupted = error.no_memory
+        status, reason = "crashed" if interrupted else "diverged", str(error)
+    except MemoryError:
+        status, reason, interrupted = "crashed", "not enough memory", True
     finally:
         memory = run.solver.memory
         run.close()
@@ -114,6 +123,8 @@ def solve(model: Model, solver: Solver, start: np.ndarray | None = None) -> Path
         cpu_seconds=_cpu_seconds() - used,
         wall_seconds=time.monotonic() - began,
         memory=resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
+        ended_in=run.stage,
+        interrupted=interrupted,
         details={
             "equations": run.assembly.size,
             "factorisations": state.factorisations,
@@ -139,6 +150,7 @@ class _Run:
         self.pressures: list[float] = []
         self.kept: list[np.ndarray] = []
         self.residuals: list[float] = []
+        self.stage = STAGES[FIT]
         self._placed: tuple[np.ndarray, float, np.ndarray] | None = None
         self._known: tuple | None = None
 
@@ -150,6 +162,12 @@ class _Run:
         whole = self.assembly.prescribed.copy()
         whole[: len(displacements)] = displacements
         self.state.free = self.assembly.gather_free(whole)
+
+    def carry_on(self, path: Path) -> None:
+        """Begin where a path ended, with all that it accepted."""
+        self.stages, self.pressures = path.stage.tolist(), path.pressure.tolist()
+        self.kept = [path.displacements(k) for k in range(len(self.stages))]
+        self.start_from(self.kept[-1])
 
     def displacements(self, free: np.ndarray | None = None, prescribed: float | None = None) -> np.ndarray:
         """Displacements (n, 3) of the state, or with other free and another share of the prescribed ones.
@@ -164,7 +182,7 @@ class _Run:
 
     def advance(self, stage: int, share: float, ventricular: float, actuation: float) -> None:
         """Bring the device to rest at a share of the prescribed displacements and at pressures in kPa."""
-        name = STAGES[stage]
+        name = self.stage = STAGES[stage]
         state, assembly, settings = self.state, self.assembly, self.settings
         before, correction = state.free, np.inf
         moved = (share - state.prescribed) * assembly.prescribed if share != state.prescribed else None
@@ -219,7 +237,8 @@ class _Run:
         """
         case, settings, state = self.model.case, self.settings, self.state
         ventricular, maximum = case.ventricular_pressure, case.actuation_pressure_max
-        pressure, steps, easy = 0.0, 0, False
+        pressure, easy = self.pressures[-1], False  # zero, or where an earlier attempt ended
+        steps = int(pressure / settings.load_step + _CLOSE)
         while pressure < maximum - _CLOSE:
             steps += settings.easy_steps if easy else 1
             before, pressure = pressure, min(steps * settings.load_step, maximum)

@@ -21,10 +21,10 @@ _ANALYSE, _FACTORISE, _SOLVE, _RELEASE = 11, 22, 33, -1
 _CUSTOM, _ORDERING, _REFINEMENT, _PIVOT_PERTURBATION, _SCALING, _MATCHING = 0, 1, 7, 9, 10, 12
 _PEAK, _PERMANENT, _FACTOR_MEMORY, _PIVOTING, _NEGATIVE, _ZERO_BASED = 14, 15, 16, 20, 22, 34
 _NESTED_DISSECTION = 2
-_ZERO_PIVOT = -4
+_ZERO_PIVOT, _NO_MEMORY = -4, -2
 _ERRORS = {
     -1: "inconsistent input",
-    -2: "not enough memory",
+    _NO_MEMORY: "not enough memory",
     -3: "reordering failed",
     _ZERO_PIVOT: "zero pivot",
     -7: "singular diagonal",
@@ -34,6 +34,10 @@ _ERRORS = {
 
 class FactorisationError(Exception):
     """PARDISO could not factorise or solve; the message says which code it gave."""
+
+    def __init__(self, message: str, code: int = 0):
+        super().__init__(message)
+        self.no_memory = code == _NO_MEMORY
 
 
 def mkl_version() -> str:
@@ -161,5 +165,5 @@ class SymmetricSolver:
         if phase in (_FACTORISE, _SOLVE):
             self.seconds += time.process_time() - started
         if error.value and error.value not in allowed:
-            raise FactorisationError(f"PARDISO: {_ERRORS.get(error.value, 'error')} ({error.value}, phase {phase})")
+            raise FactorisationError(f"PARDISO: {_ERRORS.get(error.value, 'error')} ({error.value}, phase {phase})", error.value)
         return error.value

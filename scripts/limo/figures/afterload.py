@@ -61,7 +61,7 @@ def _curve(axis, case: xr.Dataset, name: str, color: str, width: float, zorder: 
     pressure, values = case.actuation_pressure.values, case[name].values
     touching = float(case.contact_front_back) if "contact_front_back" in case else np.nan
     clear = pressure <= touching if np.isfinite(touching) else np.full(len(pressure), True)
-    line = "-" if str(case.case_status.values) == "converged" else "--"
+    line = style.line_of(case)
     axis.plot(pressure[clear], values[clear], line, color=color, lw=width, zorder=zorder)
     light = ~clear
     light[:-1] |= light[1:]  # so that the two parts meet

@@ -28,7 +28,7 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None, shapes: xr.Dataset)
     found = [pictures.study_case(dataset, case) for case in cases]
     labels = [pictures.names(case, dims) or pictures.names(case, ["n_pouches"]) for case in cases]
     for k, (curves, name) in enumerate(zip(found, labels, strict=True)):
-        line = "-" if str(curves.case_status.values) == "converged" else "--"
+        line = style.line_of(curves)
         for axis, (variable, _) in zip(axes, panels, strict=False):
             axis.plot(curves.actuation_pressure, curves[variable], line, color=style.COLORS[k % len(style.COLORS)], label=name)
     for axis, (_, text) in zip(axes, panels, strict=False):

@@ -16,6 +16,7 @@ from matplotlib.patches import Rectangle
 from limo.figures import style
 from limo.figures.render import Camera, Scale, Scene, render
 from limo.figures.surface import Facets, Surface, facets, full_device, surface_of
+from limo.judge import USABLE
 from limo.mesh import LAYERS
 
 SYMBOLS = {
@@ -240,7 +241,7 @@ def empty_reason(dataset: xr.Dataset, case: xr.Dataset, otherwise: str = "") -> 
     """Why a panel is empty: the case's status in the study's dataset, or why it has no shapes."""
     found = study_case(dataset, case)
     status = str(found.case_status.values)
-    if status != "converged":
+    if status not in USABLE:
         return f"{status}: {found.case_reason.values}"
     return str(case.shape_reason.values) or otherwise
 

@@ -43,7 +43,7 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
     for k in range(cases.sizes["case"]):
         case = cases.isel(case=k)
         color = style.COLORS[k % len(style.COLORS)]
-        line = "-" if str(case.case_status.values) == "converged" else "--"
+        line = style.line_of(case)
         for axis, name, _ in panels:
             axis.plot(pressure, case[name], line, color=color, label=curve_label(case, varying))
             if spread is not None:

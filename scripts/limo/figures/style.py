@@ -64,8 +64,13 @@ def stacked(width: float, *heights: float):
     return figure, *figure.subfigures(len(heights), 1, height_ratios=heights)
 
 
+def line_of(case: xr.Dataset) -> str:
+    """Solid for a case that converged, dash-dotted for one that is degraded, dashed for one that failed."""
+    return {"converged": "-", "degraded": "-."}.get(str(case.case_status.values), "--")
+
+
 def gaps(dataset: xr.Dataset, most: int = 5) -> list[str]:
-    """What stands under a figure of the cases that failed: each with its reason, the first ``most`` of them."""
+    """What stands under a figure of the cases that failed or are degraded: each with its reason, the first ``most`` of them."""
     dims = list(dataset.case_status.dims)
     cases = dataset[["case_id", "case_status", "case_reason"]].stack(case=dims) if dims else dataset.expand_dims("case")
     failed = [cases.isel(case=k) for k in range(cases.sizes["case"]) if str(cases.case_status.values[k]) != "converged"]

@@ -1,0 +1,122 @@
+"""The ladder on real solves of a very coarse device: what is climbed, what is kept, and where newton carries on."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from limo.config import Limits, Rung, Solver
+from limo.engines import calculix, newton
+from limo.files import read_json
+from limo.mesh import write_mesh
+from limo.model import build_model
+from limo.solution import follow, ramp_of, solve_case
+
+from .conftest import small_mesh, with_
+
+MAXIMUM = 6.0  # kPa
+
+
+@pytest.fixture(scope="module")
+def made(case, tmp_path_factory):
+    """A case of newton, its mesh, and the file of it."""
+    one = with_(case, engine="newton", actuation_pressure_max=MAXIMUM, frames=(0.0, 3.0, MAXIMUM))
+    mesh = small_mesh(one, 3000, "quarter")
+    file = tmp_path_factory.mktemp("mesh") / "mesh.vtu"
+    write_mesh(mesh, file)
+    return one, mesh, file
+
+
+@pytest.fixture(scope="module")
+def straight(made):
+    """The path that needs no ladder."""
+    case, mesh, _ = made
+    return newton.solve(build_model(case, mesh), Solver())
+
+
+def impatient(case, iterations):
+    """The same case with few iterations at a load."""
+    numerics = case.numerics
+    return with_(
+        case, numerics=numerics.model_copy(update={"newton": numerics.newton.model_copy(update={"iterations": iterations})})
+    )
+
+
+def test_a_path_is_carried_on_from_its_last_equilibrium(made, straight):
+    case, mesh, _ = made
+    first = newton.solve(build_model(with_(case, actuation_pressure_max=3.0, frames=()), mesh), Solver())
+    carried = newton.solve(build_model(case, mesh), Solver(), after=first)
+    assert carried.status == "converged"
+    np.testing.assert_array_equal(carried.pressure, straight.pressure)
+    np.testing.assert_array_equal(carried.stage, straight.stage)
+    assert sum(carried.iterations.values()) < 0.5 * sum(straight.iterations.values()), "its costs are its own"
+    for k in range(len(first.stage)):
+        np.testing.assert_array_equal(carried.displacements(k), first.displacements(k))
+    assert np.abs(carried.displacements(-1) - straight.displacements(-1)).max() < 0.5
+
+
+def test_a_failed_fit_is_not_carried_on(made):
+    case, mesh, _ = made
+    failed = newton.solve(build_model(impatient(case, 5), mesh), Solver())
+    assert (failed.status, failed.ended_in) == ("diverged", "fit")
+    again = newton.solve(build_model(case, mesh), Solver(), after=failed)
+    assert again.status == "converged"
+
+
+def test_rungs_are_climbed_until_one_succeeds_and_all_are_on_record(made, straight, tmp_path):
+    case, _, file = made
+    rungs = [Rung(name="a_little", multiply={"newton.iterations": 1.2}), Rung(name="enough", multiply={"newton.iterations": 100})]
+    rungs.append(Rung(name="never", multiply={"newton.iterations": 2}))
+    status = solve_case(impatient(case, 5), file, tmp_path, Solver(), None, Limits(), rungs, "abc-0")
+    assert [a["rung"] for a in status["attempts"]] == ["as configured", "a_little", "enough"]
+    assert [a["status"] for a in status["attempts"]] == ["diverged", "diverged", "converged"]
+    assert status["status"] == "converged"
+    assert status["iterations"] == sum(a["iterations"] for a in status["attempts"])
+    assert status["solver_cpu_seconds"] == pytest.approx(sum(a["solver_cpu_seconds"] for a in status["attempts"]), abs=0.05)
+    assert status["recovery"] == "abc-0"
+    assert status["checks"]["residual"] < 1e-3
+    with xr.open_dataset(tmp_path / "volumes.nc") as history:
+        np.testing.assert_allclose(ramp_of(history).actuation_pressure, straight.pressure[straight.stage > 0])
+    described = read_json(tmp_path / "case.json")["case"]
+    assert described["numerics"]["newton"]["iterations"] == 5, "the case is what was asked for"
+    assert sum(f.stat().st_size for f in (tmp_path / "run").iterdir()) < 10_000
+
+
+def test_the_best_attempt_is_kept_where_none_succeeds(made, tmp_path):
+    case, _, file = made
+    rungs = [Rung(name="worse", multiply={"newton.iterations": 0.5})]
+    status = solve_case(impatient(case, 25), file, tmp_path, Solver(), None, Limits(), rungs)
+    first, second = status["attempts"]
+    assert status["status"] == "diverged"
+    assert not status["interrupted"]
+    assert status["actuation_pressure_reached"] == max(a["actuation_pressure_reached"] for a in (first, second))
+
+
+def test_calculix_climbs_from_a_start_that_fails(made, tmp_path):
+    """An increment of the whole fit, which may not be cut, and a rung that starts with a thousandth of it."""
+    case, _, file = made
+    numerics = case.numerics.model_copy(update={"first_increment": 0.5, "smallest_increment": 1e-2})
+    numerics = numerics.model_copy(update={"controls": numerics.controls.model_copy(update={"cutbacks": 1})})
+    short = with_(case, engine="calculix", numerics=numerics, actuation_pressure_max=0.5, frames=(0.0, 0.5))
+    gentler = {"first_increment": 2e-3, "smallest_increment": 1e-5, "controls.cutbacks": 20}
+    rung = Rung(name="smaller_start", multiply=gentler)
+    status = solve_case(short, file, tmp_path, Solver(), calculix.find_ccx(Solver()), Limits(), [rung])
+    assert [a["status"] for a in status["attempts"]] == ["diverged", "converged"]
+    assert status["attempts"][0]["ended_in"] == "fit"
+    assert status["status"] == "converged", status["reason"]
+    assert not list((tmp_path / "run").glob("*.frd"))
+    assert {"deck.inp", "ccx.log", "numerics.json"} <= {f.name for f in (tmp_path / "run").iterdir()}
+
+
+def test_the_same_case_twice_is_the_same_to_the_bit_and_perturbed_ones_are_not(made, tmp_path):
+    case, mesh, _ = made
+    volumes = []
+    for branch in (0, 0, 1):
+        status, history = follow(build_model(replace(case, branch=branch), mesh), tmp_path, Solver())
+        assert status == "converged"
+        volumes.append(history.ventricle_volume.values.tobytes())
+    assert volumes[0] == volumes[1]
+    assert volumes[0] != volumes[2]
