@@ -27,7 +27,6 @@ from limo.plan import make_plan
 from limo.progress import enter_sweep
 from limo.sampling import stress_cases
 
-SWEEP = enter_sweep(Path("results"), Path(".snakemake/locks")) if workflow.is_main_process else None
 CONFIG_FILE = config.get("file", "config/config.yaml")
 try:
     LOADED = load_config(CONFIG_FILE)
@@ -35,6 +34,7 @@ try:
 except LimoError as error:
     raise WorkflowError(str(error)) from None
 
+SWEEP = enter_sweep(Path("results"), Path(".snakemake/locks")) if workflow.is_main_process else None
 STRESS_TEST = {key: case.case_id for key, case in stress_cases(LOADED).items()}
 PLAN = make_plan(LOADED).with_cases(stress_cases(LOADED).values())
 COSTS = plan_costs(PLAN)

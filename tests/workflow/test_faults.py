@@ -232,7 +232,7 @@ def small_disk(folder: Path, size: str):
 @root_only
 def test_full_disk(tiny, record):
     project = tiny("calculix")
-    with small_disk(project.folder / "results", "1500k") as remount:
+    with small_disk(project.folder / "results", "500k") as remount:
         with ended(start(project)) as sweep:
             code = sweep.wait(PATIENCE)
         assert not solved(project)
@@ -261,7 +261,7 @@ def test_no_memory(tiny, record, tmp_path):
     project = tiny("calculix")
     ccx, limit = calculix.find_ccx(Solver()), tmp_path / "limit"
     command = tmp_path / "ccx"
-    command.write_text(f'#!/bin/sh\n[ -f {limit} ] && ulimit -v $(cat {limit})\nexec {ccx} "$@"\n')
+    command.write_text(f'#!/bin/sh\n[ "$1" = deck ] && [ -f {limit} ] && ulimit -v $(cat {limit})\nexec {ccx} "$@"\n')
     command.chmod(0o755)
     project.edit("config.yaml", lambda d: d.update(solver={"command": str(command)}))
     for kilobytes in (60_000, 200_000):
@@ -347,18 +347,22 @@ def test_damaged_files(finished, record, name, damage):
     record(f"{name}, {damage.__name__}: the plan notices", "that case is solved")
 
 
-@pytest.mark.parametrize("hours", [-24, 24])
-def test_a_clock_that_jumps(finished, record, hours):
-    """Half of the files seem to be from another day."""
+@pytest.mark.parametrize("jump", ["back", "ahead"])
+def test_a_clock_that_jumps(finished, record, jump):
+    """Half of the files seem to be older than the meshes, or of tomorrow.
+
+    Not older than the project's scripts: what seems to be, Snakemake itself takes for made by other code.
+    """
     before = solved(finished)
-    now = time.time() + 3600 * hours
+    written = max(f.stat().st_mtime for f in (ROOT / "scripts").glob("*.py"))
+    then = written + 1 if jump == "back" else time.time() + 24 * 3600
     for folder in before:
         for name in ("volumes.nc", "frames.nc"):
-            os.utime(finished.folder / "results" / "cases" / folder / name, (now, now))
+            os.utime(finished.folder / "results" / "cases" / folder / name, (then, then))
     planned = finished.planned()
     assert "solve_case" not in planned
     finishes(finished, before)
-    record(f"results {abs(hours)} h {'old' if hours < 0 else 'ahead'}: {', '.join(planned) or 'nothing'} to do", "nothing solved")
+    record(f"{jump}: {', '.join(planned) or 'nothing'} to do", "nothing solved")
 
 
 def test_two_sweeps_at_once(tiny, record):

@@ -204,7 +204,8 @@ def solve(model: Model, folder: Path, solver: Solver, command: Path) -> Iterator
             status="crashed" if error and outcome.status == "converged" else outcome.status,
             reason=f"{outcome.reason} {error}".strip(),
             ended_in=_stage_at_the_end(outcome, times),
-            interrupted=outcome.interrupted,
+            # CalculiX saw nothing, so it was not its doing
+            interrupted=outcome.interrupted or bool(error and outcome.status == "converged"),
             stage=np.searchsorted([t.end * (1 + 1e-9) for t in times[:-1]], clock),
             pressure=actuation_pressure_at(times, case.actuation_pressure_max, clock),
             clock=clock,
