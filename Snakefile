@@ -7,7 +7,7 @@ from snakemake.logging import logger
 
 sys.path.insert(0, str(Path(workflow.basedir) / "scripts"))
 
-from limo.case import FIELD_CODE, GATHER_CODE, MEASURE_CODE, MESH_CODE, SHAPE_CODE, code_digest, digest, solve_code
+from limo.case import EXPORT_CODE, FIELD_CODE, GATHER_CODE, MEASURE_CODE, MESH_CODE, SHAPE_CODE, code_digest, digest, solve_code
 from limo.config import load_config
 from limo.cost import plan_costs, ranks
 from limo.engines.find import find_engines

@@ -29,7 +29,10 @@ Symmetry = Literal["full", "front_back", "quarter"]
 Point = tuple[Annotated[float, Field(ge=0, le=2)], Annotated[float, Field(ge=0, le=1.2)]]
 SplinePoints = Annotated[list[Point], Field(min_length=2)]
 #: rules of the workflow, whose names a study cannot have because it becomes a rule itself
-RULES = ("all", "mesh_device", "solve_case", "measure_case", "write_fields", "gather_study", "gather_shapes", "draw_figure")
+RULES = (
+    "all", "mesh_device", "solve_case", "measure_case", "write_fields", "gather_study", "export_study", "gather_shapes",
+    "draw_figure",
+)  # fmt: skip
 NAME = r"^[A-Za-z][A-Za-z0-9_]*$"
 
 
