@@ -13,6 +13,8 @@ from limo.cost import plan_costs, ranks
 from limo.engines.find import find_engines
 from limo.errors import LimoError
 from limo.figures import SHAPES, items_of, renderer_lacks
+from limo.page import CODE as PAGE_CODE
+from limo.page import TEMPLATES, sources
 from limo.plan import make_plan
 
 CONFIG_FILE = config.get("file", "config/config.yaml")
@@ -50,6 +52,7 @@ include: "workflow/rules/solve.smk"
 include: "workflow/rules/measure.smk"
 include: "workflow/rules/aggregate.smk"
 include: "workflow/rules/figures.smk"
+include: "workflow/rules/page.smk"
 
 
 for name in LOADED.studies:

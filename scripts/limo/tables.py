@@ -12,17 +12,20 @@ import xarray as xr
 from limo.case import study_cases
 from limo.config import load_config
 from limo.cost import duration, plan_costs, schedule
+from limo.dataset import COORDINATES
 from limo.engines.find import find_engines
 from limo.errors import ConfigError, ResultError
 from limo.plan import make_plan
 
-_AXES = {
+#: how dimensions are written where there is little room
+SYMBOLS = {
     "n_pouches": "N_p",
-    "ventricular_pressure": "P_v [kPa]",
+    "ventricular_pressure": "P_v",
     "aspect_ratio": "AR",
     "stiffness_ratio": "E_hat",
     "width_scale": "width",
     "branch": "branch",
+    "actuation_pressure": "P_a",
 }
 
 
@@ -78,7 +81,7 @@ def study_table(path: Path) -> str:
         reached = float(case.actuation_pressure_reached)
         at_end = case.sel(actuation_pressure=reached, method="ffill") if np.isfinite(reached) else None
         rows.append(
-            {text: f"{float(case[name]):g}" for name, text in _AXES.items() if name in dims}
+            {_header(name, text): f"{float(case[name]):g}" for name, text in SYMBOLS.items() if name in dims}
             | {
                 "P_a [kPa]": f"{reached:.1f}" if at_end is not None else "-",
                 "stroke [ml]": _number(at_end, "stroke_volume", "{:.1f}"),
@@ -98,6 +101,11 @@ def study_table(path: Path) -> str:
             lines.append(f"  {case.case_id.values}: {reason}")
     figures = sorted((path.parent / "figures").glob("*.p*"))
     return "\n".join([*lines, *(f"figure: {f}" for f in figures)])
+
+
+def _header(name: str, symbol: str) -> str:
+    units = COORDINATES[name][0]
+    return symbol if units == "1" else f"{symbol} [{units}]"
 
 
 def _check(case: xr.Dataset) -> dict[str, str]:

@@ -155,6 +155,14 @@ def test_the_unsolved_project_is_valid(tmp_path):
     assert make_project(tmp_path).planned()["solve_case"] == 2
 
 
+def test_the_page_is_made_of_what_is_there(project):
+    assert project.planned("page") == {"page": 1, "total": 1}, "though nothing is solved"
+    done = project.snakemake("page")
+    assert done.returncode == 0, done.stderr
+    assert "No study has been gathered yet" in (project.folder / "results/index.html").read_text()
+    assert project.planned("page") == {}
+
+
 def test_nothing_is_measured_for_a_study_of_volumes_alone(project):
     planned = project.planned("tiny")
     assert "measure_case" not in planned
