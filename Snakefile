@@ -7,12 +7,14 @@ from snakemake.logging import logger
 
 sys.path.insert(0, str(Path(workflow.basedir) / "scripts"))
 
-from limo.case import FIELD_CODE, GATHER_CODE, MEASURE_CODE, MESH_CODE, SHAPE_CODE, code_digest, digest, solve_code
+from limo.case import EXPORT_CODE, FIELD_CODE, GATHER_CODE, MEASURE_CODE, MESH_CODE, SHAPE_CODE, code_digest, digest, solve_code
 from limo.config import load_config
 from limo.cost import plan_costs, ranks
 from limo.engines.find import find_engines
 from limo.errors import LimoError
 from limo.figures import SHAPES, items_of, renderer_lacks
+from limo.page import CODE as PAGE_CODE
+from limo.page import TEMPLATES, sources
 from limo.plan import make_plan
 
 CONFIG_FILE = config.get("file", "config/config.yaml")
@@ -51,6 +53,7 @@ include: "workflow/rules/measure.smk"
 include: "workflow/rules/aggregate.smk"
 include: "workflow/rules/figures.smk"
 include: "workflow/rules/paper.smk"
+include: "workflow/rules/page.smk"
 
 
 for name in LOADED.studies:

@@ -30,6 +30,8 @@ MEASURE_CODE = (*FIELD_CODE, "stress", "equilibrium", "buckling", "contact", "me
 SHAPE_CODE = (*MEASURE_CODE, "solution", "dataset", "shapes")
 #: modules whose code decides what a study's dataset holds
 GATHER_CODE = ("dataset", "efficiency", "solution", "measures")
+#: modules whose code decides what is in the table of a study
+EXPORT_CODE = ("export",)
 
 
 def number_label(value: float) -> str:
