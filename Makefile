@@ -31,6 +31,7 @@ sweep: setup ## solve the pressure-volume study, print its table and draw its fi
 		[ $$code -ne 0 -a $$code -ne 3 ] || $(BIN)/limo table results/studies/pressure_volume/study.nc; exit $$code
 
 test: setup lint ## lint, then run every test
+	@bash scripts/browser.sh
 	@$(BIN)/pytest
 
 lint: setup ## check style of Python and Snakemake files

@@ -8,6 +8,7 @@ from snakemake.logging import logger
 sys.path.insert(0, str(Path(workflow.basedir) / "scripts"))
 
 from limo.case import (
+    EXPORT_CODE,
     FIELD_CODE,
     GATHER_CODE,
     MEASURE_CODE,
@@ -23,6 +24,8 @@ from limo.cost import plan_costs, ranks
 from limo.engines.find import find_engines
 from limo.errors import LimoError
 from limo.figures import SHAPES, items_of, renderer_lacks
+from limo.page import CODE as PAGE_CODE
+from limo.page import TEMPLATES, sources
 from limo.plan import make_plan
 from limo.progress import enter_sweep
 from limo.sampling import stress_cases
@@ -69,6 +72,7 @@ include: "workflow/rules/aggregate.smk"
 include: "workflow/rules/figures.smk"
 include: "workflow/rules/paper.smk"
 include: "workflow/rules/stress_test.smk"
+include: "workflow/rules/page.smk"
 
 
 for name in LOADED.studies:

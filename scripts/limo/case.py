@@ -36,6 +36,8 @@ SHAPE_CODE = (*MEASURE_CODE, "solution", "dataset", "shapes")
 STRESS_TEST_CODE = ("reliability", "assembly", "equilibrium", "model")
 #: modules whose code decides what a study's dataset holds
 GATHER_CODE = ("dataset", "efficiency", "solution", "measures")
+#: modules whose code decides what is in the table of a study
+EXPORT_CODE = ("export",)
 
 
 def number_label(value: float) -> str:

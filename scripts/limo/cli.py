@@ -122,6 +122,10 @@ def make_parser() -> argparse.ArgumentParser:
         _results(made)
     with command(_table, "table", "print the results of a study", "results/studies/pressure_volume/study.nc") as made:
         made.add_argument("dataset", type=Path, help="study.nc of a study")
+    says = "gather what is there of all studies into results/index.html, a page to look at in a browser"
+    with command(_page, "page", says, "", "--results copied/results") as made:
+        _config(made)
+        _results(made)
     with command(_benchmark, "benchmark", "print where the time of the solved cases went") as made:
         _results(made)
     says = "keep measured costs in a table, and write the report of it"
@@ -264,7 +268,10 @@ def _sweep(chosen: argparse.Namespace) -> int:
 
     sweep = open_sweep(chosen.config, chosen.studies, chosen.results, chosen.cores)
     options = (chosen.config, chosen.studies, chosen.cores, chosen.options)
-    return DONE if monitor.run_sweep(sweep, *options, monitor.console()) else FAILED
+    well = monitor.run_sweep(sweep, *options, monitor.console())
+    if not {"-n", "--dry-run", "--dryrun"} & {*chosen.options}:
+        _page(chosen)
+    return DONE if well else FAILED
 
 
 def _show(chosen: argparse.Namespace) -> None:
@@ -287,6 +294,13 @@ def _table(chosen: argparse.Namespace) -> None:
     from limo.tables import study_table
 
     print(study_table(chosen.dataset))
+
+
+def _page(chosen: argparse.Namespace) -> None:
+    from limo.config import load_config
+    from limo.page.write import write_page
+
+    print(write_page(chosen.results, load_config(chosen.config).studies))
 
 
 def _benchmark(chosen: argparse.Namespace) -> None:

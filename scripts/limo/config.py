@@ -33,7 +33,7 @@ SplinePoints = Annotated[list[Point], Field(min_length=2)]
 #: rules of the workflow, whose names a study cannot have because it becomes a rule itself
 RULES = (
     *("all", "mesh_device", "solve_case", "measure_case", "write_fields", "gather_study", "gather_shapes", "draw_figure"),
-    *("fit_material", "material", "check_paper", "paper", "stress_test"),
+    *("fit_material", "material", "check_paper", "paper", "stress_test", "export_study", "page"),
 )
 NAME = r"^[A-Za-z][A-Za-z0-9_]*$"
 

@@ -106,7 +106,7 @@ def gather_shapes(
             stored = Case.from_dict(read_json(case_folder / case_id / "case.json")["case"])
             model, frames = open_case(stored, mesh_folder / f"{stored.mesh_id}.vtu", case_folder / case_id)
             if stored.mesh_id not in meshes:
-                meshes[stored.mesh_id] = _mesh_values(model.mesh)
+                meshes[stored.mesh_id] = mesh_values(model.mesh)
             pressures = [study.pressure_of(entry, case.ventricular_pressure) for entry in entries.values()]
             found[index] = _case_values(model, frames, pressures, items, case.actuation_pressure_max)
             number[index] = list(meshes).index(stored.mesh_id)
@@ -181,7 +181,7 @@ def _stack(
     return stacked
 
 
-def _mesh_values(mesh: DeviceMesh) -> dict[str, np.ndarray]:
+def mesh_values(mesh: DeviceMesh) -> dict[str, np.ndarray]:
     """A mesh as it is drawn: points by layer and face, quadrilaterals on them."""
     _, node, quads = nodal(mesh, np.zeros((len(mesh.quads), 4)))
     away = distances(mesh, mesh.nodes)

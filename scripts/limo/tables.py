@@ -12,19 +12,22 @@ import xarray as xr
 from limo.case import study_cases
 from limo.config import load_config
 from limo.cost import duration, plan_costs, schedule
+from limo.dataset import COORDINATES
 from limo.engines.find import find_engines
 from limo.errors import ResultError
 from limo.files import UNREADABLE
 from limo.plan import make_plan
 
-_AXES = {
+#: how dimensions are written where there is little room
+SYMBOLS = {
     "n_pouches": "N_p",
-    "ventricular_pressure": "P_v [kPa]",
+    "ventricular_pressure": "P_v",
     "aspect_ratio": "AR",
     "stiffness_ratio": "E_hat",
     "width_scale": "width",
     "variant": "variant",
     "branch": "branch",
+    "actuation_pressure": "P_a",
 }
 
 
@@ -78,7 +81,7 @@ def study_table(path: Path) -> str:
         reached = float(case.actuation_pressure_reached)
         at_end = case.sel(actuation_pressure=reached, method="ffill") if np.isfinite(reached) else None
         rows.append(
-            {text: _place(case[name].item()) for name, text in _AXES.items() if name in dims}
+            {_header(name, text): place(case[name].item()) for name, text in SYMBOLS.items() if name in dims}
             | {
                 "P_a [kPa]": f"{reached:.1f}" if at_end is not None else "-",
                 "stroke [ml]": _number(at_end, "stroke_volume", "{:.1f}"),
@@ -100,8 +103,14 @@ def study_table(path: Path) -> str:
     return "\n".join([*lines, *(f"figure: {f}" for f in figures)])
 
 
-def _place(value: str | float) -> str:
+def place(value: str | float) -> str:
+    """A value of an axis for people: a name, or a number as short as it can be."""
     return value if isinstance(value, str) else f"{value:g}"
+
+
+def _header(name: str, symbol: str) -> str:
+    units = COORDINATES[name][0]
+    return symbol if units in ("", "1") else f"{symbol} [{units}]"
 
 
 def _check(case: xr.Dataset) -> dict[str, str]:

@@ -97,7 +97,7 @@ class Project:
                 write_json(folder / "status.json", {"status": "converged", "solver_cpu_seconds": 100.0})
                 empty += [results / f"meshes/{case.mesh_id}.vtu", folder / "volumes.nc", folder / "frames.nc"]
                 empty += [folder / "measures.nc"] * (case_id in plan.wanted)
-            empty.append(results / f"studies/{name}/study.nc")
+            empty += [results / f"studies/{name}/{file}" for file in ("study.nc", "study.csv")]
             figures = yaml.safe_load((self.folder / f"config/studies/{name}.yaml").read_text()).get("figures", [])
             empty += [results / f"studies/{name}/figures/{f}.{kind}" for f in figures for kind in ("png", "pdf")]
         for file in empty:

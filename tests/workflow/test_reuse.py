@@ -88,7 +88,7 @@ def test_a_changed_study_is_gathered_again_and_solved_only_where_results_do_not_
 
 def test_a_study_that_stops_earlier_is_served_by_what_is_solved(pretended):
     pretended.study("short", actuation_pressure_max=7.0)
-    assert set(pretended.planned("short")) == {"gather_study", "draw_figure", "short", "total"}
+    assert set(pretended.planned("short")) == {"gather_study", "export_study", "draw_figure", "short", "total"}
 
 
 def test_of_two_unsolved_studies_the_further_serves_both_in_either_order(project):

@@ -90,6 +90,7 @@ def test_a_sweep_is_seen_while_it_runs_when_it_is_killed_and_when_it_is_done(new
     assert again.returncode == 0, said
     assert "2 cases, 2 converged" in said
     assert "converged  ramp, P_a = 10.0 of 10 kPa" in said
+    assert "results/index.html: 1 studies, 2 cases" in said
     code, data = look(capsys)
     assert code == 0
     assert data["totals"]["seconds_left"] == 0

@@ -17,10 +17,11 @@ def test_default_configuration_plans_one_solve_and_mesh_a_device(tmp_path):
         "mesh_device": 4,
         "solve_case": 4,
         "gather_study": 1,
+        "export_study": 1,
         "gather_shapes": 1,
         "draw_figure": 2,
         "pressure_volume": 1,
-        "total": 13,
+        "total": 14,
     }
 
 
@@ -152,6 +153,14 @@ def test_a_change_of_style_draws_the_figures_again_and_nothing_else(solved, tmp_
 
 def test_the_unsolved_project_is_valid(tmp_path):
     assert make_project(tmp_path).planned()["solve_case"] == 2
+
+
+def test_the_page_is_made_of_what_is_there(project):
+    assert project.planned("page") == {"page": 1, "total": 1}, "though nothing is solved"
+    done = project.snakemake("page")
+    assert done.returncode == 0, done.stderr
+    assert "No study has been gathered yet" in (project.folder / "results/index.html").read_text()
+    assert project.planned("page") == {}
 
 
 def test_nothing_is_measured_for_a_study_of_volumes_alone(project):

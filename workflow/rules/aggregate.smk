@@ -17,6 +17,23 @@ rule gather_study:
         "../../scripts/gather_study.py"
 
 
+rule export_study:
+    input:
+        "results/studies/{study}/study.nc",
+    output:
+        "results/studies/{study}/study.csv",
+    log:
+        "results/logs/export_study/{study}.log",
+    conda:
+        "../envs/limo.yaml"
+    params:
+        code=code_digest(EXPORT_CODE),
+    message:
+        "Write {wildcards.study} as a table"
+    script:
+        "../../scripts/export_study.py"
+
+
 rule gather_shapes:
     input:
         shape_results,

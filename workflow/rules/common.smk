@@ -58,11 +58,12 @@ def study_sources(wildcards):
 
 
 def study_targets(name):
-    """Dataset and figures of a study; those of surfaces wait until this machine can render them."""
+    """Dataset, table and figures of a study; those of surfaces wait until this machine can render them."""
     shown = [figure for figure in LOADED.studies[name].figures if not (RENDERER_LACKS and figure in SHAPES)]
     figures = expand("results/studies/{study}/figures/{figure}.{kind}", study=name, figure=shown, kind=["png", "pdf"])
     drawn = PLAN.of_study(name) if "fields" in LOADED.studies[name].outputs else []
-    return [f"results/studies/{name}/study.nc", *figures, *(f"results/cases/{case_id}/fields" for case_id in drawn)]
+    datasets = [f"results/studies/{name}/{file}" for file in ("study.nc", "study.csv")]
+    return [*datasets, *figures, *(f"results/cases/{case_id}/fields" for case_id in drawn)]
 
 
 def fatigue_of(wildcards):

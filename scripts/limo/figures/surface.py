@@ -102,13 +102,25 @@ def _joined(first: Surface, second: Surface) -> Surface:
 
 
 @cache
-def _grid() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def grid(divisions: int = DIVISIONS) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Values (g, 8) and slopes (g, 8, 2) of the shape functions on a grid within a quadrilateral, and its cells (c, 4)."""
-    n = DIVISIONS + 1
+    n = divisions + 1
     ticks = np.linspace(-1, 1, n)
     local = np.stack(np.meshgrid(ticks, ticks), axis=-1).reshape(-1, 2)
     corner = (np.arange(n - 1)[:, None] * n + np.arange(n - 1)).ravel()
     return *quad8_shape(local), np.stack([corner, corner + 1, corner + n + 1, corner + n], axis=1)
+
+
+def divided(surface: Surface, divisions: int = DIVISIONS) -> tuple[np.ndarray, np.ndarray]:
+    """Where the points of a divided surface lie: each point (f,) as one of those of ``grid`` of all quadrilaterals in turn, and
+    for all of these (m, g) which point they are. They are joined within each layer, face and pouch.
+    """
+    flat = np.einsum("gn,mnk->mgk", grid(divisions)[0], surface.flat[surface.quads])
+    piece = 3000 * surface.face + 1000 * surface.layer + surface.pouch + 1
+    place = np.round(1e3 * flat).astype(np.int64) + 2**20  # micrometres
+    keys = (piece[:, None] * 2**21 + place[..., 0]) * 2**21 + place[..., 1]
+    _, first, inverse = np.unique(keys.ravel(), return_index=True, return_inverse=True)
+    return first, inverse.reshape(keys.shape)
 
 
 def facets(surface: Surface) -> Facets:
@@ -116,27 +128,23 @@ def facets(surface: Surface) -> Facets:
 
     Normals are averaged over what is one piece of fabric in the flat state, and borders are the edges of these pieces.
     """
-    shape, slope, cells = _grid()
+    shape, slope, cells = grid()
     quads = surface.quads
     points = np.einsum("gn,mnk->mgk", shape, surface.points[quads])
-    flat = np.einsum("gn,mnk->mgk", shape, surface.flat[quads])
     tangents = np.einsum("gnd,mnk->mgdk", slope, surface.points[quads])
     normals = np.cross(tangents[:, :, 0], tangents[:, :, 1])
-    piece = 3000 * surface.face + 1000 * surface.layer + surface.pouch + 1
-    place = np.round(1e3 * flat).astype(np.int64) + 2**20  # micrometres
-    keys = (piece[:, None] * 2**21 + place[..., 0]) * 2**21 + place[..., 1]
-    unique, first, inverse = np.unique(keys.ravel(), return_index=True, return_inverse=True)
-    summed = np.stack([np.bincount(inverse, c, minlength=len(unique)) for c in normals.reshape(-1, 3).T], axis=1)
+    first, inverse = divided(surface)
+    summed = np.stack([np.bincount(inverse.ravel(), c, minlength=len(first)) for c in normals.reshape(-1, 3).T], axis=1)
     summed /= np.maximum(np.linalg.norm(summed, axis=1, keepdims=True), 1e-12)
-    small = inverse.reshape(len(quads), -1)[:, cells].reshape(-1, 4)
+    small = inverse[:, cells].reshape(-1, 4)
     values = None
     if surface.values is not None:
         values = np.einsum("gn,mn...->mg...", shape, surface.values[quads])
         values = values.reshape(-1, *values.shape[2:])[first]
-    return Facets(points.reshape(-1, 3)[first], small, summed, values, _borders(small))
+    return Facets(points.reshape(-1, 3)[first], small, summed, values, borders(small))
 
 
-def _borders(quads: np.ndarray) -> np.ndarray:
+def borders(quads: np.ndarray) -> np.ndarray:
     """Sides (s, 2) that belong to one quadrilateral only."""
     sides = np.sort(np.stack([quads, np.roll(quads, -1, axis=1)], axis=-1).reshape(-1, 2), axis=1).astype(np.int64)
     most = quads.max(initial=0) + 1

@@ -1,0 +1,214 @@
+"""Gather what is there into ``results/index.html``. Nothing is solved or measured for it, and what cannot be read is said."""
+
+from __future__ import annotations
+
+import base64
+import io
+import json
+import re
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+import numpy as np
+import xarray as xr
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from PIL import Image
+from plotly.offline import get_plotlyjs
+
+from limo.config import Study
+from limo.errors import ResultError
+from limo.figures.style import COLORS
+from limo.files import read_json, write_whole
+from limo.page import BUDGET, FILE, FOLDER, TEMPLATES, dataset_of
+from limo.page.curves import curves
+from limo.page.devices import Devices
+from limo.page.packing import pack_bytes
+from limo.tables import SYMBOLS, place
+
+CAPTIONS = FOLDER.parents[2] / "workflow" / "report"
+_QUALITY = 85  # of pictures, in percent
+_SHOWN = 0.6  # of a picture's pixels across: sharp on dense screens, and letters as large as those of the page
+_ROOM = 500  # bytes of a case for its names, and for a reason if it has to be left out
+_HASH = re.compile(r"\b([0-9a-f]{8})[0-9a-f]{8,}\b")
+
+
+@dataclass(frozen=True)
+class CaseRow:
+    """A case of a study: what it is, how it ended, why, what else is to be said, and its files."""
+
+    case_id: str
+    label: str
+    status: str
+    remarks: list[str]
+    links: list[tuple[str, str]]
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A figure of a study: its picture as a data URL, caption, size in pixels and files."""
+
+    name: str
+    caption: str
+    picture: str
+    size: tuple[int, int]
+    links: list[tuple[str, str]]
+
+
+@dataclass
+class StudyPart:
+    """What the page says of a study; ``problem`` where its dataset cannot be read."""
+
+    name: str
+    description: str
+    gathered: str = ""
+    solved_by: str = ""
+    statuses: list[tuple[str, int]] = field(default_factory=list)
+    cases: list[CaseRow] = field(default_factory=list)
+    figures: list[Figure] = field(default_factory=list)
+    absent_figures: list[str] = field(default_factory=list)
+    links: list[tuple[str, str]] = field(default_factory=list)
+    problem: str = ""
+
+
+def write_page(results: Path, studies: Mapping[str, Study]) -> str:
+    """Write the page of all of ``studies`` that have been gathered below ``results``; returns a line about it."""
+    parts, plots, shown = [], {}, {}
+    devices = Devices(results)
+    for name, study in studies.items():
+        file = dataset_of(results, name)
+        if not file.exists():
+            continue
+        part = StudyPart(name, study.description, f"{datetime.fromtimestamp(file.stat().st_mtime):%Y-%m-%d %H:%M}")
+        parts.append(part)
+        try:
+            dataset = xr.load_dataset(file, engine="netcdf4")
+            _fill(part, results, study, dataset, devices)
+            plots[name] = curves(dataset)
+        except (OSError, ValueError, KeyError, AttributeError) as error:
+            part.problem = f"{file.name}: not a study's dataset ({error})"
+            continue
+        shown[name] = [{"case": case.case_id, "label": case.label} for case in part.cases]
+    context = {
+        "studies": parts,
+        "absent": [name for name in studies if name not in {part.name for part in parts}],
+        "plots": pack_bytes(json.dumps({"studies": plots, "colors": COLORS}, separators=(",", ":")).encode()),
+        "library": pack_bytes(get_plotlyjs().encode()),
+    }
+    without = _render(context | {"left_out": "", "devices": "", "problems": _problems(parts, devices)})
+    said = devices.fit(BUDGET - len(without.encode()) - _ROOM * sum(len(part.cases) for part in parts))
+    shown = {name: [c for c in cases if c["case"] in devices.cases] for name, cases in shown.items()}
+    plain = devices.plain() | {"studies": {name: cases for name, cases in shown.items() if cases}}
+    page = _render(context | {"left_out": said, "devices": plain, "problems": _problems(parts, devices)})
+    write_whole(results / FILE, lambda path: path.write_text(page, encoding="utf-8"))
+    size = (results / FILE).stat().st_size / 1e6
+    counts = f"{len(parts)} studies, {len(devices.cases)} cases in three dimensions, {size:.1f} MB"
+    return f"{results / FILE}: {counts}" + (f" ({said})" if said else "")
+
+
+def _render(context: dict[str, Any]) -> str:
+    """The page; every text in ``context`` is escaped."""
+    environment = Environment(
+        loader=FileSystemLoader(FOLDER), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    environment.policies["json.dumps_kwargs"] = {"separators": (",", ":")}
+    own = {name.replace(".", "_"): (FOLDER / name).read_text(encoding="utf-8") for name in TEMPLATES[1:]}
+    return environment.get_template(TEMPLATES[0]).render(context | own)
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# one study
+
+
+def _fill(part: StudyPart, results: Path, study: Study, dataset: xr.Dataset, devices: Devices) -> None:
+    dims = list(dataset.case_status.dims)
+    varying = [d for d in dims if dataset.sizes[d] > 1] or dims[:2]
+    cases = dataset.stack(case=dims)
+    engines = set()
+    for k in range(cases.sizes["case"]):
+        case = cases.isel(case=k)
+        case_id = str(case.case_id.values)
+        devices.add(case_id)
+        engines.add(_engine(results, case_id))
+        part.cases.append(
+            CaseRow(case_id, _label(case, varying), str(case.case_status.values), _remarks(case), _case_links(results, case_id))
+        )
+    part.statuses = sorted(Counter(case.status for case in part.cases).items())
+    builds = dict.fromkeys(_HASH.sub(r"\1", b) for b in np.unique(dataset.solver_build.values.astype(str)) if b)
+    part.solved_by = ", ".join([*sorted(e for e in engines if e), *builds])
+    folder = dataset_of(results, part.name).parent
+    part.links = _links(results, [folder / f for f in ("study.csv", "study.nc", "shapes.nc")])
+    for name in study.figures:
+        try:
+            part.figures.append(_figure(results, folder / "figures" / f"{name}.png"))
+        except OSError:
+            part.absent_figures.append(name)
+
+
+def _engine(results: Path, case_id: str) -> str:
+    try:
+        return str(read_json(results / "cases" / case_id / "case.json")["case"]["engine"])
+    except (ResultError, KeyError, TypeError):
+        return ""
+
+
+def _label(case: xr.Dataset, dims: list[str]) -> str:
+    parts = []
+    for dim in dims:
+        units = case[dim].attrs.get("units", "1")
+        parts.append(f"{SYMBOLS.get(dim, dim)} = {place(case[dim].item())}{'' if units in ('', '1') else f' {units}'}")
+    return ", ".join(parts)
+
+
+def _remarks(case: xr.Dataset) -> list[str]:
+    """Why a case failed, and what is less than it should be though it did not."""
+    remarks = [str(case.case_reason.values)]
+    if "measure_status" in case and str(case.measure_status.values) != "measured":
+        remarks.append(f"not measured: {case.measure_reason.values}")
+    if "check_status" in case and (check := str(case.check_status.values)) and not check.endswith(" converged"):
+        remarks.append(f"the other engine: {check}")
+    return [remark for remark in remarks if remark]
+
+
+def _problems(parts: list[StudyPart], devices: Devices) -> list[tuple[str, CaseRow, list[str]]]:
+    """Cases that failed or of which something is missing, with the study's name and all reasons."""
+    found = []
+    for part in parts:
+        for case in part.cases:
+            reasons = list(case.remarks)
+            if case.case_id in devices.reasons:
+                reasons.append(f"not in the 3D view: {devices.reasons[case.case_id]}")
+            if reasons or case.status != "converged":
+                found.append((part.name, case, reasons))
+    return found
+
+
+def _links(results: Path, files: Iterable[Path]) -> list[tuple[str, str]]:
+    """Names and relative addresses of those files that are there."""
+    return [(file.name, quote(file.relative_to(results).as_posix())) for file in files if file.exists()]
+
+
+def _case_links(results: Path, case_id: str) -> list[tuple[str, str]]:
+    folder = results / "cases" / case_id
+    files = [folder / n for n in ("status.json", "volumes.nc", "frames.nc", "measures.nc", "fields")]
+    fields = [file for kind in ("deformed", "reference") for file in sorted((folder / "fields").glob(f"{kind}*"))]
+    return _links(results, [*files, *fields])
+
+
+def _figure(results: Path, png: Path) -> Figure:
+    """A figure as a small picture; its files are beside it."""
+    caption = CAPTIONS / f"{png.stem}.rst"
+    with Image.open(png) as image:
+        stream, size = io.BytesIO(), tuple(round(_SHOWN * n) for n in image.size)
+        image.convert("RGB").save(stream, "WEBP", quality=_QUALITY)
+    return Figure(
+        png.stem,
+        caption.read_text(encoding="utf-8").replace("``", "") if caption.exists() else "",
+        f"data:image/webp;base64,{base64.b64encode(stream.getvalue()).decode('ascii')}",
+        size,
+        _links(results, [png, png.with_suffix(".pdf")]),
+    )

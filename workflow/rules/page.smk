@@ -1,0 +1,18 @@
+rule page:
+    input:
+        templates=expand(f"{workflow.basedir}/scripts/limo/page/{{file}}", file=TEMPLATES),
+        # by their whole paths, which are no rule's output: nothing is solved or gathered for the page
+        found=lambda wildcards: sources(Path("results"), LOADED.studies),
+    output:
+        "results/index.html",
+    log:
+        "results/logs/page.log",
+    conda:
+        "../envs/limo.yaml"
+    params:
+        studies=lambda wildcards: {name: (study.description, study.figures) for name, study in LOADED.studies.items()},
+        code=code_digest(PAGE_CODE),
+    message:
+        "Gather what is there into a page"
+    script:
+        "../../scripts/write_page.py"
