@@ -3,6 +3,7 @@
 const DASHES = ["solid", "dash", "dot", "dashdot", "longdash", "longdashdot"];
 const MARKERS = ["circle", "square", "diamond", "triangle-up", "cross", "x", "star", "triangle-down"];
 const MOST_LINES = 60;
+const FIRST_LINES = 16; // that are drawn before anything is ticked
 const MOST_BOXES = 12; // values of an axis that get a box each; of more one is chosen with a slider
 const FRAME = "frame";
 
@@ -45,20 +46,23 @@ function showCurves({ studies, colors }) {
   function chooseAxis() {
     filters = {};
     const parts = [];
+    let lines = 1;
     for (const dim of variable().dims) {
       if (dim === axis.value) continue;
       const count = size(dim);
       const every = [...Array(count).keys()];
-      filters[dim] = new Set(count <= MOST_BOXES && dim !== FRAME && dim !== "event" ? every : [preset(dim)]);
+      const whole = count <= MOST_BOXES && dim !== FRAME && dim !== "event" && lines * count <= FIRST_LINES;
+      filters[dim] = new Set(whole ? every : [preset(dim)]);
+      lines *= filters[dim].size;
       if (count > 1) parts.push(count <= MOST_BOXES ? boxes(dim, every) : slider(dim));
     }
     byId("curve-filters").replaceChildren(...parts);
     draw();
   }
 
-  /** The value of an axis that is shown first: the last at which most cases have a value. */
+  /** The value that is shown first of an axis with many: of pressures the last at which most cases have a value. */
   function preset(dim) {
-    if (dim === "event") return 0;
+    if (dim !== FRAME && dim !== "actuation_pressure") return 0;
     const counts = new Array(size(dim)).fill(0);
     const { dims, values } = variable();
     const stride = dims.slice(dims.indexOf(dim) + 1).reduce((n, d) => n * size(d), 1);
