@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import signal
@@ -20,8 +21,10 @@ PATIENCE = 300  # s
 
 @pytest.fixture
 def newton(project, monkeypatch):
-    """A project in whose folder the engine newton goes far enough to be looked at."""
+    """A project in whose folder the engine newton goes far enough, and in steps small enough, to be looked at."""
     project.edit("config.yaml", lambda d: d.update(engine="newton"))
+    steps = {"load_step": 0.05, "easy_steps": 1}
+    project.edit("config.yaml", lambda d: d["numerics_presets"]["fast"].update(newton=steps))
     project.edit("studies/tiny.yaml", lambda d: d.update(actuation_pressure_max=100.0))
     monkeypatch.chdir(project.folder)
     return project
@@ -74,8 +77,11 @@ def test_a_sweep_is_seen_while_it_runs_when_it_is_killed_and_when_it_is_done(new
         assert main(["status"]) == 0
         assert " running " in capsys.readouterr().out
     finally:
-        for pid in solvers(newton.folder):
-            os.kill(pid, signal.SIGKILL)
+        while pids := solvers(newton.folder):  # one may start another before it is gone itself
+            for pid in pids:
+                with contextlib.suppress(ProcessLookupError):
+                    os.kill(pid, signal.SIGKILL)
+            time.sleep(0.1)
         sweep.wait()
     code, data = look(capsys)
     killed = next(c for c in data["cases"] if c["case"] == seen["case"])
