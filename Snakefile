@@ -1,4 +1,4 @@
-"""From the studies in config/ to datasets and figures: mesh -> solve -> gather -> draw."""
+"""From the studies in config/ to datasets and figures: mesh -> solve -> gather -> draw; and measured errors (accuracy)."""
 
 import sys
 
@@ -7,12 +7,13 @@ from snakemake.logging import logger
 
 sys.path.insert(0, str(Path(workflow.basedir) / "scripts"))
 
+from limo.airbag import RUN_CODE, run_content, runs_of
 from limo.case import FIELD_CODE, GATHER_CODE, MEASURE_CODE, MESH_CODE, SHAPE_CODE, code_digest, digest, solve_code
 from limo.config import load_config
 from limo.cost import plan_costs, ranks
-from limo.engines.find import find_engines
+from limo.engines.find import find_builds, find_engines
 from limo.errors import LimoError
-from limo.figures import SHAPES, items_of, renderer_lacks
+from limo.figures import AIRBAG_FIGURES, SHAPES, items_of, renderer_lacks
 from limo.plan import make_plan
 
 CONFIG_FILE = config.get("file", "config/config.yaml")
@@ -42,6 +43,8 @@ wildcard_constraints:
     case=r"[\w.]+",
     mesh=r"\w+",
     study="|".join(LOADED.studies),
+    airbag="|".join(LOADED.airbags) or "none",
+    run=r"\w+",
     figure=r"[a-z_]+",
 
 
@@ -51,6 +54,7 @@ include: "workflow/rules/measure.smk"
 include: "workflow/rules/aggregate.smk"
 include: "workflow/rules/figures.smk"
 include: "workflow/rules/paper.smk"
+include: "workflow/rules/accuracy.smk"
 
 
 for name in LOADED.studies:

@@ -150,6 +150,12 @@ def make_parser() -> argparse.ArgumentParser:
         made.add_argument("--to", type=Path, default=Path("docs/gallery"), metavar="FOLDER", help="default: %(default)s")
         _config(made)
         _results(made)
+    says = "print the report of measured errors from the tables that `snakemake accuracy` keeps"
+    with command(_accuracy, "accuracy", says, "> docs/accuracy.md") as made:
+        made.add_argument(
+            "--table", type=Path, default=Path("docs/gallery/data/airbag.csv"), help="rows of the airbags (default: %(default)s)"
+        )
+        _config(made)
     says = "delete what no study uses and what killed solvers left; without --yes only say what and how much that is"
     with command(
         _clean, "clean", says, "", "leftovers --yes", "cases --config config/config.yaml config/levers/config.yaml"
@@ -295,6 +301,12 @@ def _gallery(chosen: argparse.Namespace) -> None:
 
     for file in make_gallery(chosen.config, chosen.studies, chosen.results, chosen.to, redraw=chosen.redraw):
         print(file)
+
+
+def _accuracy(chosen: argparse.Namespace) -> None:
+    from limo.accuracy import report
+
+    print(report(chosen.table, chosen.config), end="")
 
 
 def _clean(chosen: argparse.Namespace) -> None:
