@@ -8,7 +8,7 @@ import pytest
 import xarray as xr
 
 from limo import airbag_solution
-from limo.accuracy import airbag_report, keep_airbags, observed_order, read_airbags
+from limo.accuracy import airbag_report, keep_airbags, observed_order, read_airbags, report
 from limo.airbag import Run, build_model, run_content, runs_of, sheet
 from limo.airbag_deck import damping, end_time, write_deck
 from limo.airbag_solution import centre_stress, gather, measure, solve_run
@@ -258,6 +258,16 @@ def test_table_keeps_all_and_the_report_is_made_of_it(dataset, tmp_path):
         read_airbags(table)
     with pytest.raises(ResultError, match="not the dataset of an airbag"):
         keep_airbags([table], tmp_path / "other.csv")
+
+
+def test_the_kept_rows_are_those_of_the_configuration_and_the_report_is_made_of_them(root, loaded):
+    rows = read_airbags(root / "docs/gallery/data/airbag.csv")
+    for name, airbag in loaded.airbags.items():
+        kept = rows[rows.airbag == name]
+        expected = [(run.series, run.divisions) for run in runs_of(airbag).values()]
+        assert list(zip(kept.series, kept.divisions, strict=True)) == expected
+    written = (root / "docs/accuracy.md").read_text(encoding="utf-8")
+    assert written == report(root / "docs/gallery/data/airbag.csv", root / "config/config.yaml"), "call limo accuracy"
 
 
 def test_figures_are_drawn_from_the_dataset_alone(dataset, tmp_path):
