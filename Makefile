@@ -12,7 +12,7 @@ export PATH := $(CURDIR)/$(BIN):$(PATH)
 # Set-up is redone when its inputs are newer than the stamp, or when .venv was removed.
 ABSENT := $(if $(wildcard $(BIN)/limo),,absent)
 
-.PHONY: help setup ccx-tuned sweep test lint format benchmark performance schemas lock clean-setup absent
+.PHONY: help setup ccx-tuned sweep test lint format benchmark performance accuracy schemas lock clean-setup absent
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -59,6 +59,10 @@ performance: setup ## measure what everything costs (hours) and write docs/perfo
 		$(BIN)/limo performance record $${batch%%:*} --config $${batch#*:}; \
 	done
 	$(BIN)/limo performance report >docs/performance.md
+
+accuracy: setup ## measure errors (half an hour) and write docs/accuracy.md
+	@OMP_NUM_THREADS=1 $(BIN)/snakemake --cores $(CORES) accuracy
+	$(BIN)/limo accuracy >docs/accuracy.md
 
 schemas: setup ## write the schemas of the configuration files
 	@$(BIN)/python -m limo.config workflow/schemas

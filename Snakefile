@@ -1,4 +1,4 @@
-"""From the studies in config/ to datasets and figures: mesh -> solve -> gather -> draw."""
+"""From the studies in config/ to datasets and figures: mesh -> solve -> gather -> draw; and measured errors (accuracy)."""
 
 import sys
 
@@ -7,6 +7,7 @@ from snakemake.logging import logger
 
 sys.path.insert(0, str(Path(workflow.basedir) / "scripts"))
 
+from limo.airbag import RUN_CODE, run_content, runs_of
 from limo.case import (
     EXPORT_CODE,
     FIELD_CODE,
@@ -21,9 +22,9 @@ from limo.case import (
 )
 from limo.config import load_config
 from limo.cost import plan_costs, ranks
-from limo.engines.find import find_engines
+from limo.engines.find import find_builds, find_engines
 from limo.errors import LimoError
-from limo.figures import SHAPES, items_of, renderer_lacks
+from limo.figures import AIRBAG_FIGURES, SHAPES, items_of, renderer_lacks
 from limo.page import CODE as PAGE_CODE
 from limo.page import TEMPLATES, sources
 from limo.plan import make_plan
@@ -62,6 +63,8 @@ wildcard_constraints:
     case=r"[\w.]+",
     mesh=r"\w+",
     study="|".join(LOADED.studies),
+    airbag="|".join(LOADED.airbags) or "none",
+    run=r"\w+",
     figure=r"[a-z_]+",
 
 
@@ -73,6 +76,7 @@ include: "workflow/rules/figures.smk"
 include: "workflow/rules/paper.smk"
 include: "workflow/rules/stress_test.smk"
 include: "workflow/rules/page.smk"
+include: "workflow/rules/accuracy.smk"
 
 
 for name in LOADED.studies:

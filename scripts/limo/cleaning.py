@@ -86,7 +86,7 @@ def _leftovers(cases: Sequence[Path]) -> list[Rubbish]:
 def _half_written(results: Path) -> list[Rubbish]:
     """Files written aside by processes that are gone (``files.write_whole`` names them by their process)."""
     found = []
-    for path in sorted([*results.glob("*/.[0-9]*.*"), *results.glob("*/*/.[0-9]*.*"), *results.glob("*/*/run/.[0-9]*.*")]):
+    for path in sorted([*results.glob("*/.[0-9]*.*"), *results.glob("*/*/.[0-9]*.*"), *results.glob("*/*/run*/.[0-9]*.*")]):
         process = path.name.split(".")[1]
         gone = process.isdigit() and not Path(f"/proc/{process}").exists()
         if gone and time.time() - path.lstat().st_mtime > OLD:

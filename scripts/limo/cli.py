@@ -174,6 +174,12 @@ def make_parser() -> argparse.ArgumentParser:
         reported.add_argument("document", type=Path, help="the document, for example docs/reliability.md")
         for part in (recorded, paths, reported):
             part.add_argument("--data", type=Path, default=Path("docs/data"), help="folder of the tables (default: %(default)s)")
+    says = "print the report of measured errors from the tables that `snakemake accuracy` keeps"
+    with command(_accuracy, "accuracy", says, "> docs/accuracy.md") as made:
+        made.add_argument(
+            "--table", type=Path, default=Path("docs/gallery/data/airbag.csv"), help="rows of the airbags (default: %(default)s)"
+        )
+        _config(made)
     says = "delete what no study uses and what killed solvers left; without --yes only say what and how much that is"
     with command(
         _clean, "clean", says, "", "leftovers --yes", "cases --config config/config.yaml config/levers/config.yaml"
@@ -358,6 +364,12 @@ def _reliability(chosen: argparse.Namespace) -> None:
             f"{rows[0]['kind']} {rows[0]['run']}: {rows[0]['status']}, stroke {float(rows[-1]['stroke_volume']):.2f} ml",
             flush=True,
         )
+
+
+def _accuracy(chosen: argparse.Namespace) -> None:
+    from limo.accuracy import report
+
+    print(report(chosen.table, chosen.config), end="")
 
 
 def _clean(chosen: argparse.Namespace) -> None:

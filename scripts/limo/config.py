@@ -1,6 +1,6 @@
-"""The configuration: what a device, a study and a numerics preset may say, in which units and ranges.
+"""The configuration: what a device, a study, an airbag and a numerics preset may say, in which units and ranges.
 
-``load_config`` reads ``config/config.yaml`` with the devices and studies beside it and refuses every mistake in one
+``load_config`` reads ``config/config.yaml`` with the devices, studies and airbags beside it and refuses every mistake in one
 message that names file, key, value, range and an example. The JSON schema in ``workflow/schemas`` is generated from
 these models (``python -m limo.config``), never written by hand.
 """
@@ -34,6 +34,7 @@ SplinePoints = Annotated[list[Point], Field(min_length=2)]
 RULES = (
     *("all", "mesh_device", "solve_case", "measure_case", "write_fields", "gather_study", "gather_shapes", "draw_figure"),
     *("fit_material", "material", "check_paper", "paper", "stress_test", "export_study", "page"),
+    *("accuracy", "solve_airbag", "gather_airbag", "draw_airbag", "keep_airbags"),
 )
 NAME = r"^[A-Za-z][A-Za-z0-9_]*$"
 
@@ -133,12 +134,17 @@ class Seams(Section):
         return fractions
 
 
-class Material(Section):
-    """St. Venant-Kirchhoff fabric (paper, *Constitutive modeling*)."""
+class Elastic(Section):
+    """A sheet of St. Venant-Kirchhoff material."""
 
     youngs_modulus: float = Field(gt=0, le=1e5, description="E in MPa", examples=[267.0])
     poisson_ratio: float = Field(gt=-1, lt=0.5, description="nu", examples=[0.33])
     thickness: float = Field(gt=0, le=5, description="t in mm", examples=[0.19])
+
+
+class Material(Elastic):
+    """St. Venant-Kirchhoff fabric (paper, *Constitutive modeling*)."""
+
     areal_density: float = Field(gt=0, le=1e4, description="mass per area in g/m^2", examples=[170.0])
 
 
@@ -753,6 +759,127 @@ class StressTest(Section):
     boxes: dict[Annotated[str, Field(pattern=NAME)], Box] = Field(min_length=1, description="boxes by name")
 
 
+# --------------------------------------------------------------------------------------------------------------------
+# the square airbag
+
+AirbagElement = Literal["S3", "S4", "S4R", "S6", "S8", "S8R", "C3D20R"]
+Planes = Literal["symmetric", "hinged"]
+
+
+class AirbagSeries(Section):
+    """One element type, solved on several meshes."""
+
+    element: AirbagElement = Field(description="shells that CalculiX expands, or the written-out C3D20R", examples=["S8R"])
+    engine: Engine = Field("calculix", description="newton for C3D20R alone", examples=["newton"])
+    divisions: list[Annotated[int, Field(ge=2, le=200)]] = Field(
+        min_length=1, description="numbers of elements along half a side", examples=[[4, 8, 16]]
+    )
+    planes: Planes | None = Field(
+        None,
+        description="whether the sheet keeps its slope on the planes of symmetry or may turn there: symmetric by default for "
+        "C3D20R, always hinged for shells",
+        examples=["hinged"],
+    )
+    path: list[Annotated[float, Field(gt=0, le=1000)]] = Field(
+        default=[],
+        max_length=20,
+        description="pressures to pass through on the way to p, as multiples of p: higher ones iron wrinkles out",
+        examples=[[100, 10]],
+    )
+
+    @field_validator("divisions")
+    @classmethod
+    def _rising(cls, divisions: list[int]) -> list[int]:
+        if divisions != sorted(set(divisions)):
+            raise ValueError("rising numbers, none twice")
+        return divisions
+
+    @model_validator(mode="after")
+    def _shells_are_calculix_and_hinged(self) -> AirbagSeries:
+        if self.engine == "newton" and self.element != "C3D20R":
+            raise ValueError(f"engine: calculix for element {self.element}")
+        if self.planes == "symmetric" and self.element != "C3D20R":
+            raise ValueError(f"planes: hinged for element {self.element}")
+        return self
+
+    @property
+    def chosen_planes(self) -> Planes:
+        """``planes``, or their default."""
+        return self.planes or ("symmetric" if self.element == "C3D20R" else "hinged")
+
+
+class AirbagReference(Section):
+    """A published value of the same airbag."""
+
+    quantity: Literal["height", "edge_draw_in", "corner_draw_in", "stress"] = Field(
+        description="height of the centre, or how far the middle of an edge or a corner moves in, or the largest principal "
+        "stress at the centre",
+        examples=["height"],
+    )
+    value: float = Field(gt=0, description="mm, or MPa of a stress", examples=[216.7])
+    divisions: int | None = Field(
+        None, ge=1, le=1000, description="elements along half a side of the published mesh", examples=[10]
+    )
+    source: str = Field(min_length=3, description="who published it", examples=["Contri and Schrefler 1988"])
+
+
+class AirbagNumerics(Section):
+    """How an airbag is inflated.
+
+    CalculiX integrates overdamped dynamics: the pressure goes along its path in ``rise``, then rests for ``hold``. The engine
+    newton has no time.
+    """
+
+    rise: float = Field(1.0, gt=0, le=1000, description="s of the path to p, each part of it equally long", examples=[1.0])
+    hold: float = Field(0.5, gt=0, le=1000, description="s at the full pressure", examples=[0.5])
+    damping_share: float = Field(
+        0.01, gt=0, le=1, description="viscous pressure at a velocity of half a side a rise, over the pressure", examples=[0.01]
+    )
+    first_increment: float = Field(1e-4, gt=0, le=0.1, description="over the rise", examples=[1e-4])
+    smallest_increment: float = Field(1e-8, gt=0, le=1e-2, description="over the rise", examples=[1e-8])
+    largest_increment: float = Field(0.05, gt=0, le=1, description="over the rise", examples=[0.05])
+    controls: Controls = Controls()
+    newton: Newton = Newton()
+
+    @model_validator(mode="after")
+    def _ordered(self) -> AirbagNumerics:
+        if not self.smallest_increment <= self.first_increment <= self.largest_increment:
+            raise ValueError("smallest_increment, first_increment and largest_increment in rising order")
+        return self
+
+    def for_engine(self, engine: str) -> dict[str, Any]:
+        """Plain data of the part that ``engine`` looks at."""
+        return self.newton.model_dump(mode="json") if engine == "newton" else self.model_dump(mode="json", exclude={"newton"})
+
+
+class Airbag(Elastic):
+    """A square airbag, the runs that inflate it, and what others found."""
+
+    description: str = Field("", description="one sentence", examples=["the classical case"])
+    side: float = Field(gt=0, le=10000, description="mm, of the flat sheet", examples=[848.528])
+    pressure: float = Field(gt=0, le=1000, description="p in kPa", examples=[5.0])
+    series: list[AirbagSeries] = Field(
+        min_length=1, description="what is solved", examples=[[{"element": "S8R", "divisions": [4, 8, 16]}]]
+    )
+    references: list[AirbagReference] = Field(
+        default=[],
+        description="published values",
+        examples=[[{"quantity": "height", "value": 216.7, "divisions": 10, "source": "Jarasjarungkiat et al. 2009"}]],
+    )
+    numerics: AirbagNumerics = Field(
+        AirbagNumerics(), description="how it is inflated", examples=[{"first_increment": 1e-4, "largest_increment": 0.05}]
+    )
+    time_limit: float = Field(3.0, gt=0, le=1000, description="minutes of wall time a run may take", examples=[3.0])
+
+    @field_validator("series")
+    @classmethod
+    def _no_series_twice(cls, series: list[AirbagSeries]) -> list[AirbagSeries]:
+        kinds = [(s.element, s.engine, s.chosen_planes, *s.path) for s in series]
+        if len(set(kinds)) != len(kinds):
+            raise ValueError("one entry for an element, engine, planes and path")
+        return series
+
+
 class Config(Section):
     """``config/config.yaml``: what runs by default and the presets that studies name."""
 
@@ -799,12 +926,19 @@ def _merged(data: dict[str, Any], change: dict[str, Any]) -> dict[str, Any]:
 class Loaded:
     """A configuration with its devices and studies resolved and checked against each other.
 
-    ``config`` (``Config``), ``devices`` and ``studies`` (by name), ``files`` (path of each study and device), ``builds``
+    ``config`` (``Config``), ``devices``, ``studies`` and ``airbags`` (by name), ``files`` (path of each of them), ``builds``
     (which build of each engine would solve; empty until someone looks).
     """
 
-    def __init__(self, config: Config, devices: dict[str, Device], studies: dict[str, Study], files: dict[str, Path]):
-        self.config, self.devices, self.studies, self.files = config, devices, studies, files
+    def __init__(
+        self,
+        config: Config,
+        devices: dict[str, Device],
+        studies: dict[str, Study],
+        files: dict[str, Path],
+        airbags: dict[str, Airbag] | None = None,
+    ):
+        self.config, self.devices, self.studies, self.files, self.airbags = config, devices, studies, files, airbags or {}
         self.builds: dict[str, str] = {}
 
     def require(self, names: Iterable[str], file: object, example: str) -> None:
@@ -944,7 +1078,7 @@ def _models(annotation: Any) -> list[type[Section]]:
 
 
 def load_config(path: str | Path = "config/config.yaml") -> Loaded:
-    """Read ``path``, and ``devices/*.yaml`` and ``studies/*.yaml`` beside it.
+    """Read ``path``, and ``devices/*.yaml``, ``studies/*.yaml`` and ``airbags/*.yaml`` beside it.
 
     Raises ``ConfigError`` for the first mistake found in any of them.
     """
@@ -965,8 +1099,8 @@ def load_config(path: str | Path = "config/config.yaml") -> Loaded:
             files[f"{folder}/{file.stem}"] = file
         return found
 
-    devices, studies = read_all("devices", Device), read_all("studies", Study)
-    loaded = Loaded(config, devices, studies, files)
+    devices, studies, airbags = (read_all(*kind) for kind in (("devices", Device), ("studies", Study), ("airbags", Airbag)))
+    loaded = Loaded(config, devices, studies, files, airbags)
     for name in config.studies:
         if name not in studies:
             names = ", ".join(studies)
@@ -1104,8 +1238,8 @@ def _check_setting(loaded: Loaded, path: Path, study: Study, prefix: str, settin
 
 
 def json_schemas() -> dict[str, dict[str, Any]]:
-    """The JSON schemas of the three kinds of configuration file, by file name."""
-    models = {"config": Config, "study": Study, "device": Device}
+    """The JSON schemas of the four kinds of configuration file, by file name."""
+    models = {"config": Config, "study": Study, "device": Device, "airbag": Airbag}
     return {f"{name}.schema.json": model.model_json_schema() for name, model in models.items()}
 
 

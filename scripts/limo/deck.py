@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from limo.config import STAGES, Controls, Numerics, Stage
-from limo.model import KPA, Model
+from limo.model import KPA, Model, Pressure
 
 BRICK_SIDE = {"bottom": "P1", "top": "P2"}
 
@@ -58,11 +58,12 @@ def _rows(values: np.ndarray, per_line: int = 12) -> list[str]:
     return [", ".join(map(str, values[i : i + per_line])) + "," for i in range(0, len(values), per_line)]
 
 
-def _number(value: float) -> str:
+def number(value: float) -> str:
+    """A number as decks have it."""
     return f"{value:.12g}"
 
 
-def _geometry(model: Model) -> list[str]:
+def geometry(model: Model) -> list[str]:
     """*NODE, *ELEMENT: ids count from one in the model's order."""
     lines = ["*NODE, NSET=ALL"]
     lines += [f"{i + 1}, {x:.12g}, {y:.12g}, {z:.12g}" for i, (x, y, z) in enumerate(model.nodes)]
@@ -84,27 +85,30 @@ def _sets(model: Model) -> list[str]:
     return [*lines, "*ELSET, ELSET=ENDOCARDIUM", *_rows(endo), "*ELSET, ELSET=FABRIC", *_rows(rest)]
 
 
+def fabric(model: Model, name: str, stiffness_ratio: float, damping: float) -> list[str]:
+    """A St. Venant-Kirchhoff fabric on the elements of a set of the same name; mass-proportional ``damping`` in 1/s."""
+    material = model.case.device.material
+    lines = [
+        f"*MATERIAL, NAME={name}",
+        "*ELASTIC",
+        f"{number(stiffness_ratio * material.youngs_modulus)}, {number(material.poisson_ratio)}",
+        "*DENSITY",
+        number(model.density),
+    ]
+    if damping:
+        lines.append(f"*DAMPING, ALPHA={number(damping)}")
+    section = "SHELL" if model.is_shell else "SOLID"
+    lines.append(f"*{section} SECTION, ELSET={name}, MATERIAL={name}")
+    return [*lines, number(material.thickness)] if model.is_shell else lines
+
+
 def _materials(model: Model, damping: float) -> list[str]:
-    """Two St. Venant-Kirchhoff fabrics; mass-proportional damping ALPHA."""
-    material, lines = model.case.device.material, []
-    for name, ratio in (("FABRIC", 1.0), ("ENDOCARDIUM", model.case.stiffness_ratio)):
-        lines += [
-            f"*MATERIAL, NAME={name}",
-            "*ELASTIC",
-            f"{_number(ratio * material.youngs_modulus)}, {_number(material.poisson_ratio)}",
-            "*DENSITY",
-            _number(model.density),
-        ]
-        if damping:
-            lines.append(f"*DAMPING, ALPHA={_number(damping)}")
-        section = "SHELL" if model.is_shell else "SOLID"
-        lines.append(f"*{section} SECTION, ELSET={name}, MATERIAL={name}")
-        if model.is_shell:
-            lines.append(_number(material.thickness))
-    return lines
+    fabrics = (("FABRIC", 1.0), ("ENDOCARDIUM", model.case.stiffness_ratio))
+    return [line for name, ratio in fabrics for line in fabric(model, name, ratio, damping)]
 
 
-def _constraints(model: Model) -> list[str]:
+def constraints(model: Model) -> list[str]:
+    """*EQUATION and *BOUNDARY of what is held at zero."""
     lines = []
     for equation in model.equations:
         lines += ["*EQUATION", str(len(equation.terms))]
@@ -119,28 +123,48 @@ def _amplitudes(model: Model, times: tuple[StageTime, ...]) -> list[str]:
     """Fitting ramp, and the pressure of each loaded surface in MPa, all over the one step."""
     fit, _, ramp = times
     ventricular, maximum = (p * KPA for p in (model.case.ventricular_pressure, model.case.actuation_pressure_max))
-    lines = ["*AMPLITUDE, NAME=FITTING", f"0, 0, {_number(fit.end)}, 1, {_number(ramp.end)}, 1"]
+    lines = ["*AMPLITUDE, NAME=FITTING", f"0, 0, {number(fit.end)}, 1, {number(ramp.end)}, 1"]
     for load in model.pressures:
         start, end = load.ventricular * ventricular, load.ventricular * ventricular + load.actuation * maximum
         table = (0.0, 0.0, fit.end, start, ramp.start, start, ramp.end, end)
-        lines += [f"*AMPLITUDE, NAME=P_{load.surface.upper()}", ", ".join(map(_number, table))]
+        lines += [f"*AMPLITUDE, NAME=P_{load.surface.upper()}", ", ".join(map(number, table))]
     return lines
 
 
 def _controls(controls: Controls) -> list[str]:
     """*CONTROLS: i_0, i_r, i_p, i_c, i_l, i_g, i_s, i_a; d_f, d_c, d_b, d_a, d_s, d_h, d_d; then the field limits."""
     iterations = f"4, 7, 9, 12, {controls.iterations_for_decrease}, {controls.iterations_for_growth}, , {controls.cutbacks}"
-    cut = _number(controls.cutback)
+    cut = number(controls.cutback)
     return [
         "*CONTROLS, PARAMETERS=TIME INCREMENTATION",
         iterations,
-        f"{cut}, 0.5, 0.75, 0.85, , , {_number(controls.growth)}",
+        f"{cut}, 0.5, 0.75, 0.85, , , {number(controls.growth)}",
         "*CONTROLS, PARAMETERS=FIELD",
-        f"{_number(controls.residual)}, {_number(controls.correction)}, , , {_number(max(2e-2, controls.residual))}",
+        f"{number(controls.residual)}, {number(controls.correction)}, , , {number(max(2e-2, controls.residual))}",
     ]
 
 
-def _step(model: Model, numerics: Numerics, times: tuple[StageTime, ...]) -> list[str]:
+def step(model: Model, hht_alpha: float, limits: tuple[float, ...], controls: Controls, loads: list[str]) -> list[str]:
+    """An implicit dynamic step: ``limits`` in s are first increment, length, smallest and largest increment."""
+    return [
+        "*STEP, NLGEOM, INC=1000000",
+        f"*DYNAMIC, ALPHA={hht_alpha:.10f}",
+        ", ".join(map(number, limits)),
+        *_controls(controls),
+        *loads,
+        # FREQUENCY=1, because volumes are taken at every increment; 2D output keeps the node numbers of shells
+        "*NODE OUTPUT, FREQUENCY=1" + (", OUTPUT=2D" if model.is_shell else ""),
+        "U",
+        "*END STEP",
+    ]
+
+
+def pressure_label(model: Model, load: Pressure) -> str:
+    """What *DLOAD calls the side of the elements that a pressure pushes on."""
+    return "P" if model.is_shell else BRICK_SIDE[load.side]
+
+
+def _stages(model: Model, numerics: Numerics, times: tuple[StageTime, ...]) -> list[str]:
     """All stages in one step, because a new *DYNAMIC step would throw the device away.
 
     CalculiX starts each step with an acceleration from forces that are integrated fully even for C3D20R, whose
@@ -151,14 +175,12 @@ def _step(model: Model, numerics: Numerics, times: tuple[StageTime, ...]) -> lis
     # CalculiX calls a first increment below a millionth of the step an error
     first = max(numerics.first_increment * fit.duration, 2e-6 * ramp.end)
     limits = (first, ramp.end, min(first, numerics.smallest_increment * fit.duration), largest)
-    lines = ["*STEP, NLGEOM, INC=1000000", f"*DYNAMIC, ALPHA={numerics.hht_alpha:.10f}", ", ".join(map(_number, limits))]
-    lines += [*_controls(numerics.controls), "*BOUNDARY, AMPLITUDE=FITTING"]
-    lines += [f"{n + 1}, {d + 1}, {d + 1}, {_number(u)}" for (n, d), u in model.prescribed.items()]
+    loads = ["*BOUNDARY, AMPLITUDE=FITTING"]
+    loads += [f"{n + 1}, {d + 1}, {d + 1}, {number(u)}" for (n, d), u in model.prescribed.items()]
     for load in model.pressures:
-        label = "P" if model.is_shell else BRICK_SIDE[load.side]
-        lines += [f"*DLOAD, AMPLITUDE=P_{load.surface.upper()}", f"{load.surface.upper()}, {label}, 1"]
-    # FREQUENCY=1, because volumes are taken at every increment; 2D output keeps the node numbers of shells
-    return [*lines, "*NODE OUTPUT, FREQUENCY=1" + (", OUTPUT=2D" if model.is_shell else ""), "U", "*END STEP"]
+        surface = load.surface.upper()
+        loads += [f"*DLOAD, AMPLITUDE=P_{surface}", f"{surface}, {pressure_label(model, load)}, 1"]
+    return step(model, numerics.hht_alpha, limits, numerics.controls, loads)
 
 
 def write_deck(model: Model, path: Path) -> tuple[StageTime, ...]:
@@ -167,12 +189,12 @@ def write_deck(model: Model, path: Path) -> tuple[StageTime, ...]:
     times = stage_times(numerics, model.case.actuation_pressure_max)
     lines = [f"** {model.case.case_id}", "** mm, N, MPa, tonne, s"]
     lines += (
-        _geometry(model)
+        geometry(model)
         + _sets(model)
         + _materials(model, numerics.solver_damping)
-        + _constraints(model)
+        + constraints(model)
         + _amplitudes(model, times)
     )
-    lines += _step(model, numerics, times)
+    lines += _stages(model, numerics, times)
     path.write_text("\n".join(lines) + "\n", encoding="ascii")
     return times

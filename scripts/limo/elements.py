@@ -13,6 +13,8 @@ QUAD8 = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [0, -1], [1, 0], [0, 1], [
 QUAD8_MIRROR = np.array([1, 0, 3, 2, 4, 7, 6, 5])
 #: six triangles on the nodes of a quadrilateral (corner triangles and the inner square halved)
 QUAD8_TRIANGLES = np.array([[0, 4, 7], [4, 1, 5], [5, 2, 6], [7, 6, 3], [4, 5, 6], [4, 6, 7]])
+#: two 6-node triangles (S6: corners anticlockwise, then mid-sides 1-2, 2-3, 3-1) on a quadrilateral and its centre, number 8
+QUAD9_TRIANGLES = np.array([[0, 1, 2, 4, 5, 8], [0, 2, 3, 8, 6, 7]])
 
 # 20-node brick (C3D20): bottom corners, top corners, bottom mid-sides, top mid-sides, verticals
 HEX20 = np.array(

@@ -150,23 +150,23 @@ def report(rows: pd.DataFrame) -> str:
         f"operating system's accounting on: {machines}, two cases side by side. `docs/solver.md` has the tuned build of CalculiX,"
         " `docs/methods.md` both engines.",
         "## Targets",
-        _markdown(_targets(rows)),
+        markdown_table(_targets(rows)),
         "## Whole grids",
         "The 19 cases of `afterload`, `valve_support` and `compliance`. Two cores: the longest cases first.",
-        _markdown(_grids(rows)),
+        markdown_table(_grids(rows)),
         "## The engines against each other",
         "The same cases on the same meshes. Strokes in ml at P_a,max, volumes at rest in ml, CPU in s.",
-        _markdown(_engines(rows)),
+        markdown_table(_engines(rows)),
         "## One change at a time",
         "N_p = 10 at P_v = 3.8 kPa on `preview` (`config/levers`), each against the first line of its engine. A change pays "
         f"when it takes less than {PAYS:.0%} of the CPU time, moves the stroke by less than {HARMLESS:.0%} and dissipates at "
         f"most {DISSIPATES:g} times as much.",
-        _markdown(_levers(rows)),
+        markdown_table(_levers(rows)),
         "## Builds, and the deck of the paper",
         "The same case (`config/levers`, `config/stock`). The deck `paper` was stopped after a time limit: its CPU time is "
         "extrapolated in proportion to the share of the solver's clock that it reached, a lower bound because the costly snaps "
         "of the ramp lie beyond.",
-        _markdown(_builds(rows)),
+        markdown_table(_builds(rows)),
     ]
     return "\n\n".join(parts) + "\n"
 
@@ -315,7 +315,8 @@ def _one(values: pd.Series) -> str:
     return ", ".join(sorted({str(v) for v in values}))
 
 
-def _markdown(table: pd.DataFrame) -> str:
+def markdown_table(table: pd.DataFrame) -> str:
+    """A table as markdown; an empty one says that nothing was measured."""
     if table.empty:
         return "Not measured."
     lines = [

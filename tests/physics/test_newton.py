@@ -247,12 +247,12 @@ def handed_to_calculix(model: Model, u: np.ndarray, folder: Path, before: float,
     keeps one displacement free in the first step: CalculiX wants an equation to solve.
     """
     count, bricks = len(model.nodes), len(model.expansion.bricks)
-    lines = [*deck._geometry(model), "*NODE, NSET=ALL"]
+    lines = [*deck.geometry(model), "*NODE, NSET=ALL"]
     lines += [f"{count + k + 1}, {500 + x:g}, {y:g}, {z:g}" for k, (x, y, z) in enumerate(HEX20)]
     numbers = [str(n) for n in (bricks + 1, *range(count + 1, count + 21))]
     lines += [f"*ELEMENT, TYPE={model.case.mesh.element}, ELSET=APART", ", ".join(numbers[:11]) + ",", ", ".join(numbers[11:])]
     lines += [*deck._sets(model), *deck._materials(model, 0.0), "*SOLID SECTION, ELSET=APART, MATERIAL=FABRIC"]
-    lines += deck._constraints(model)
+    lines += deck.constraints(model)
     held = [f"{count + k + 1}, {d}, {d}" for k in range(20) for d in (1, 2, 3) if (k, d) != (6, 1)]
     dependent = {equation.terms[0][:2] for equation in model.equations}
     used = np.zeros((count, 3), bool)

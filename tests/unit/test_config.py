@@ -20,7 +20,7 @@ from limo import config as config_module
 from limo.config import Section, Study, json_schemas, load_config, read_yaml
 from limo.errors import ConfigError
 
-CONFIG, DEVICE, STUDY = "config.yaml", "devices/limo.yaml", "studies/pressure_volume.yaml"
+CONFIG, DEVICE, STUDY, AIRBAG = "config.yaml", "devices/limo.yaml", "studies/pressure_volume.yaml", "airbags/classical.yaml"
 AXES, PATTERN = ("axes",), ("pattern",)
 DELETE = object()
 
@@ -143,6 +143,22 @@ MISTAKES = [
     (DEVICE, ("material", "poisson_ratio"), 0.5, "less than 0.5"),
     (DEVICE, ("material", "thickness"), None, "number"),
     (DEVICE, ("material",), DELETE, "missing"),
+    (AIRBAG, ("colour",), "red", "thickness"),
+    (AIRBAG, ("side",), 0.0, "greater than 0"),
+    (AIRBAG, ("thickness",), -1.0, "greater than 0"),
+    (AIRBAG, ("youngs_modulus",), "stiff", "number"),
+    (AIRBAG, ("poisson_ratio",), 0.5, "less than 0.5"),
+    (AIRBAG, ("pressure",), DELETE, "missing"),
+    (AIRBAG, ("series",), [], "at least 1"),
+    (AIRBAG, ("series",), [{"element": "S8", "divisions": [4]}] * 2, "one entry for an element"),
+    (AIRBAG, ("series", 0, "element"), "S9", "C3D20R"),
+    (AIRBAG, ("series", 0, "divisions"), [8, 4], "rising"),
+    (AIRBAG, ("series", 0, "divisions"), [1, 4], "greater than or equal to 2"),
+    (AIRBAG, ("series", 0, "path"), [-1.0], "greater than 0"),
+    (AIRBAG, ("series", 0, "engine"), "newton", "calculix for element S3"),
+    (AIRBAG, ("series", 0, "planes"), "symmetric", "hinged for element S3"),
+    (AIRBAG, ("numerics", "damping_share"), 2.0, "less than or equal to 1"),
+    (AIRBAG, ("numerics", "largest_increment"), 1e-5, "rising order"),
     (DEVICE, (*PATTERN, "length"), float("inf"), "finite"),
     (DEVICE, (*PATTERN, "valve", "flat_half_width_over_length"), 0.4, "exactly one"),
     (DEVICE, (*PATTERN, "width_scale"), 3.0, "less than or equal to 1.5"),
@@ -352,7 +368,10 @@ def test_schema_file_is_the_one_the_models_generate(root, name):
     assert json.loads((root / "workflow/schemas" / name).read_text()) == json.loads(json.dumps(json_schemas()[name]))
 
 
-@pytest.mark.parametrize(("schema", "pattern"), [("config", "*.yaml"), ("device", "devices/*.yaml"), ("study", "studies/*.yaml")])
+KINDS = (("device", "devices"), ("study", "studies"), ("airbag", "airbags"))
+
+
+@pytest.mark.parametrize(("schema", "pattern"), [("config", "*.yaml"), *((kind, f"{folder}/*.yaml") for kind, folder in KINDS)])
 def test_shipped_files_meet_their_schema(root, schema, pattern):
     files = list((root / "config").glob(pattern))
     assert files

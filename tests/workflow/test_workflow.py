@@ -7,6 +7,8 @@ import shutil
 
 import pytest
 
+from limo.accuracy import read_airbags
+
 from .conftest import ROOT, Project, make_project
 
 
@@ -181,3 +183,37 @@ def test_only_cases_of_studies_that_ask_are_measured(project):
     asking.write_text(asking.read_text().replace("[volumes, stress]", "[volumes, stress, fields]"))
     assert project.planned("tiny", "asking")["write_fields"] == 1
     assert "measure_case" not in project.planned("tiny")
+
+
+def test_accuracy_plans_the_airbags_run_by_run(project):
+    def fewer(airbag):
+        airbag["series"] = [{"element": "S8R", "divisions": [4, 8], "path": [100, 10]}, {"element": "S3", "divisions": [4]}]
+
+    (project.folder / "config/airbags/paper.yaml").unlink()
+    project.edit("airbags/classical.yaml", fewer)
+    jobs = {"solve_airbag": 3, "gather_airbag": 1, "draw_airbag": 2, "keep_airbags": 1, "accuracy": 1}
+    assert project.planned("accuracy") == jobs | {"total": sum(jobs.values())}
+    assert "solve_airbag" not in project.planned(), "no study needs them"
+
+
+def test_accuracy_of_a_small_airbag_ends_in_figures_and_kept_rows(project):
+    """Another reference draws again and solves nothing; another pressure solves."""
+
+    def small(airbag):
+        shells = {"element": "S8R", "divisions": [2]}
+        airbag["series"] = [shells, {"element": "C3D20R", "engine": "newton", "divisions": [2]}]
+
+    (project.folder / "config/airbags/paper.yaml").unlink()
+    project.edit("airbags/classical.yaml", small)
+    done = project.snakemake("accuracy")
+    assert done.returncode == 0, done.stdout + done.stderr
+    rows = read_airbags(project.folder / "docs/gallery/data/airbag.csv")
+    assert list(rows.element) == ["S8R", "C3D20R"]
+    assert list(rows.status) == ["converged"] * 2
+    assert project.planned("accuracy") == {}
+    project.edit("airbags/classical.yaml", lambda airbag: airbag.update(references=[]))
+    planned = project.planned("accuracy")
+    assert planned["draw_airbag"] == 2
+    assert "solve_airbag" not in planned
+    project.edit("airbags/classical.yaml", lambda airbag: airbag["numerics"].update(rise=2.0))
+    assert project.planned("accuracy")["solve_airbag"] == 1, "the engine newton has no time"

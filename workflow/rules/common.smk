@@ -1,6 +1,7 @@
 # Longest first, so that the cores finish together; meshes before all, or the longest case would wait for its own.
 PRIORITIES = ranks(COSTS)
 MESH_PRIORITIES = {MESH_IDS[name]: len(COSTS) + rank for name, rank in PRIORITIES.items()}
+AIRBAG_RUNS = {name: runs_of(airbag) for name, airbag in LOADED.airbags.items()}
 
 
 def mesh_of_case(wildcards):
@@ -70,3 +71,38 @@ def fatigue_of(wildcards):
     """The strain-life curve where it is asked for; elsewhere only what tells seams from the rest."""
     asked = "fatigue" in PLAN.wanted[wildcards.case].pressures
     return LOADED.config.fatigue.model_dump(mode="json", include=None if asked else {"seam_distance"})
+
+
+def airbag_run(wildcards):
+    """The run of an airbag that a path names."""
+    try:
+        return AIRBAG_RUNS[wildcards.airbag][wildcards.run]
+    except KeyError:
+        raise WorkflowError(f"{wildcards.run}: no run of the airbag {wildcards.airbag} in {CONFIG_FILE}") from None
+
+
+def airbag_content(wildcards):
+    """What a run of an airbag depends on, the build of its engine included."""
+    run = airbag_run(wildcards)
+    try:
+        if run.engine not in LOADED.builds:
+            find_builds(LOADED, CONFIG_FILE, [run.engine])
+    except LimoError as error:
+        raise WorkflowError(str(error)) from None
+    return {**run_content(LOADED.airbags[wildcards.airbag], run), "build": LOADED.builds[run.engine]}
+
+
+def airbag_results(wildcards):
+    """Results of all runs of an airbag in the order of its configuration."""
+    return expand("results/airbags/{airbag}/runs/{run}.nc", airbag=wildcards.airbag, run=AIRBAG_RUNS[wildcards.airbag])
+
+
+def airbag_targets():
+    """Figures of all airbags, and their rows beside the documentation; nothing without airbags."""
+    figures = expand(
+        "results/airbags/{airbag}/figures/{figure}.{kind}",
+        airbag=LOADED.airbags,
+        figure=AIRBAG_FIGURES,
+        kind=["png", "pdf"],
+    )
+    return figures + ["docs/gallery/data/airbag.csv"] * bool(figures)

@@ -19,7 +19,7 @@ import subprocess
 import threading
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -29,7 +29,7 @@ from limo.deck import StageTime, actuation_pressure_at, write_deck
 from limo.engines import Path as EnginePath
 from limo.engines import count_stages
 from limo.errors import ConfigError, ResultError, SolverNotFoundError
-from limo.frd import FrdFile
+from limo.frd import Frame, FrdFile
 from limo.model import Model
 
 JOB = "deck"
@@ -181,31 +181,16 @@ def read_sta(path: Path) -> tuple[Increment, ...]:
 
 @contextlib.contextmanager
 def solve(model: Model, folder: Path, solver: Solver, command: Path) -> Iterator[EnginePath]:
-    """Run a model in ``folder``; the path reads displacements from the solver's results as long as the block lasts.
-
-    A diverged run writes its last, unconverged state too: only increments that .sta accepted count. It does not notice when
-    the disk is full: an accepted increment without a frame ends the path.
-    """
+    """Run a model in ``folder``; the path reads displacements from the solver's results as long as the block lasts."""
     case = model.case
     times = write_deck(model, folder / f"{JOB}.inp")
-    outcome = run(folder, command, solver, times[-1].end)
-    accepted, usable, error = {(i.step, i.increment) for i in outcome.accepted}, [], ""
-    with contextlib.ExitStack() as stack:
-        if accepted and (folder / f"{JOB}.frd").exists():
-            try:
-                frd = stack.enter_context(FrdFile(folder / f"{JOB}.frd"))
-                usable = [f for f in frd.frames if (f.step, f.increment) in accepted]
-            except ResultError as problem:
-                error = str(problem)
-        if not error and len(usable) < len(accepted):
-            error = f"deck.frd has {len(usable)} of {len(accepted)} accepted increments"
+    with results(folder, run(folder, command, solver, times[-1].end)) as (outcome, frd, usable):
         clock = np.array([f.time for f in usable], float)
         yield EnginePath(
-            status="crashed" if error and outcome.status == "converged" else outcome.status,
-            reason=f"{outcome.reason} {error}".strip(),
+            status=outcome.status,
+            reason=outcome.reason,
             ended_in=_stage_at_the_end(outcome, times),
-            # CalculiX saw nothing, so it was not its doing
-            interrupted=outcome.interrupted or bool(error and outcome.status == "converged"),
+            interrupted=outcome.interrupted,
             stage=np.searchsorted([t.end * (1 + 1e-9) for t in times[:-1]], clock),
             pressure=actuation_pressure_at(times, case.actuation_pressure_max, clock),
             clock=clock,
@@ -220,6 +205,31 @@ def solve(model: Model, folder: Path, solver: Solver, command: Path) -> Iterator
             wall_seconds=outcome.wall_seconds,
             memory=outcome.memory,
         )
+
+
+@contextlib.contextmanager
+def results(folder: Path, outcome: Run) -> Iterator[tuple[Run, FrdFile | None, list[Frame]]]:
+    """What a run in ``folder`` left, open as long as the block lasts: outcome, file of results, frames in it that count.
+
+    A diverged run writes its last, unconverged state too: only increments that .sta accepted count. It does not notice when
+    the disk is full: an accepted increment without a frame has crashed, and so has a file that cannot be read.
+    """
+    accepted, file = {(i.step, i.increment) for i in outcome.accepted}, folder / f"{JOB}.frd"
+    with contextlib.ExitStack() as stack:
+        frd, usable, error = None, [], ""
+        if accepted and file.exists():
+            try:
+                frd = stack.enter_context(FrdFile(file))
+                usable = [f for f in frd.frames if (f.step, f.increment) in accepted]
+            except ResultError as problem:
+                error = str(problem)
+        if not error and len(usable) < len(accepted):
+            error = f"{file.name} has {len(usable)} of {len(accepted)} accepted increments"
+        if error:
+            unseen = outcome.status == "converged"  # by CalculiX, so it was not its doing
+            status, reason = "crashed" if unseen else outcome.status, f"{outcome.reason} {error}".strip()
+            outcome = replace(outcome, status=status, reason=reason, interrupted=outcome.interrupted or unseen)
+        yield outcome, frd, usable
 
 
 def _iterations_by_stage(outcome: Run, times: tuple[StageTime, ...]) -> dict[str, int]:

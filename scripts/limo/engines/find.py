@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from pathlib import Path
 
 from limo.config import Loaded
@@ -15,9 +16,14 @@ def find_engines(loaded: Loaded, config_file: str) -> Path | None:
     """
     used = {engine for study in loaded.studies.values() for engine in loaded.engines_of(study)}
     used.update(loaded.config.stress_test.engines if loaded.config.stress_test else ())
-    if "newton" in used:
+    return find_builds(loaded, config_file, used)
+
+
+def find_builds(loaded: Loaded, config_file: str, engines: Collection[str]) -> Path | None:
+    """The same for ``engines``, whoever uses them."""
+    if "newton" in engines:
         loaded.builds["newton"] = f"mkl-{pardiso.mkl_version()}"
-    if "calculix" not in used:
+    if "calculix" not in engines:
         return None
     command = calculix.find_ccx(loaded.config.solver, config_file)
     loaded.builds["calculix"] = calculix.build_id(command)

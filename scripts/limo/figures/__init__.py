@@ -19,6 +19,8 @@ FIGURES = (
     "buckling",
     "design",
 )
+#: figures of an airbag, drawn from its dataset (``limo.airbag_solution.gather``)
+AIRBAG_FIGURES = ("airbag_convergence", "airbag_shapes")
 #: figures that need an output of their study beyond volumes
 NEEDS = {"strain_life": "fatigue", "cycles": "fatigue", "afterload": "contact"}
 #: what may be drawn of the shapes of a study (``limo.shapes``): displacements at all of its frames or at the pressures of its

@@ -1,0 +1,59 @@
+"""Square airbag: height and draw-in against degrees of freedom, with published values, and run time (paper, Fig. convergence)."""
+
+from __future__ import annotations
+
+import json
+from typing import get_args
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from limo.config import AirbagElement
+from limo.figures import style
+
+#: what is drawn: variable, label, and which published values are lines in its panel
+PANELS = (
+    ("height", "Height of the centre $w_M$ [mm]", "height"),
+    ("edge_draw_in_smooth", "Smoothed draw-in of the edge's middle $u_B$ [mm]", "edge_draw_in"),
+    ("cpu_seconds", "CPU time over that of the fastest run [-]", None),
+)
+#: heights below this share of the largest are arrows at the bottom of the panel
+_SHOWN_FROM = 0.75
+_PALE = "#F0E442"  # too pale for a line
+#: colours of the elements, and markers and lines of the series of one element
+COLORS = dict(zip(get_args(AirbagElement), (c for c in style.COLORS if c != _PALE), strict=True))
+_LOOKS = (("o", "-"), ("^", "--"), ("s", "--"), ("D", "-."), ("v", ":"))
+
+
+def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
+    """(a) w_M, (b) draw-in without folds, (c) CPU time over that of the fastest run.
+
+    Crosses mark runs that failed, arrows heights far below the panel.
+    """
+    figure, axes = style.panels(3, width=9.0, height=4.3)
+    table = dataset.drop_vars("displacement").to_dataframe()
+    table["cpu_seconds"] /= table.cpu_seconds[table.status == "converged"].min()
+    lowest = _SHOWN_FROM * table.height.max()
+    drawn = dict.fromkeys(COLORS, 0)
+    for series, of in table.groupby("series", sort=False):
+        good, failed, element = of[of.status == "converged"], of[of.status != "converged"], of.element.iloc[0]
+        marker, line = _LOOKS[drawn[element] % len(_LOOKS)]
+        drawn[element] += 1
+        look = {"color": COLORS[element], "marker": marker, "ls": line, "ms": 3.5, "mfc": "none", "lw": 1.1}
+        for axis, (name, _, _) in zip(axes, PANELS, strict=True):
+            axis.plot(good.degrees_of_freedom, good[name], label=series, **look)
+        low = good[good.height < lowest]
+        axes[0].plot(low.degrees_of_freedom, np.full(len(low), 1.01 * lowest), ls="", marker=7, color=look["color"])
+        axes[2].plot(failed.degrees_of_freedom, failed.cpu_seconds, "x", color=look["color"], ms=6)
+    references = json.loads(dataset.attrs["config"])["references"]
+    for axis, (_, label, published) in zip(axes, PANELS, strict=True):
+        for value in sorted({r["value"] for r in references if r["quantity"] == published}):
+            axis.axhline(value, color="0.6", lw=0.8, zorder=0, label="published")
+        axis.set(xscale="log", xlabel="Degrees of freedom", ylabel=label)
+    axes[0].set_ylim(lowest, None)
+    axes[1].set_ylim(0, None)
+    axes[2].set_yscale("log")
+    handles = dict(zip(*reversed(axes[0].get_legend_handles_labels()), strict=True))
+    style.legend(figure, list(handles.values()), [], 4)
+    return figure

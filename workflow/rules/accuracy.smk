@@ -1,0 +1,81 @@
+rule solve_airbag:
+    output:
+        "results/airbags/{airbag}/runs/{run}.nc",
+    log:
+        "results/logs/solve_airbag/{airbag}_{run}.log",
+    conda:
+        "../envs/limo.yaml"
+    threads: LOADED.config.solver.threads
+    params:
+        content=airbag_content,
+        code=lambda wildcards: code_digest(RUN_CODE[airbag_run(wildcards).engine]),
+    message:
+        "Inflate the airbag {wildcards.airbag} with {wildcards.run}"
+    script:
+        "../../scripts/solve_airbag.py"
+
+
+rule gather_airbag:
+    input:
+        airbag_results,
+    output:
+        "results/airbags/{airbag}/airbag.nc",
+    log:
+        "results/logs/gather_airbag/{airbag}.log",
+    conda:
+        "../envs/limo.yaml"
+    params:
+        content=lambda wildcards: LOADED.airbags[wildcards.airbag].model_dump(mode="json"),
+        code=code_digest(("airbag_solution",)),
+    message:
+        "Gather the airbag {wildcards.airbag}"
+    script:
+        "../../scripts/gather_airbag.py"
+
+
+rule draw_airbag:
+    input:
+        dataset="results/airbags/{airbag}/airbag.nc",
+        shapes=[],
+        measured=[],
+        style=f"{workflow.basedir}/scripts/limo/figures/style.py",
+        source=f"{workflow.basedir}/scripts/limo/figures/{{figure}}.py",
+    output:
+        report(
+            "results/airbags/{airbag}/figures/{figure}.png",
+            caption="../report/{figure}.rst",
+            category="accuracy",
+        ),
+        "results/airbags/{airbag}/figures/{figure}.pdf",
+    log:
+        "results/logs/draw_airbag/{airbag}_{figure}.log",
+    conda:
+        "../envs/limo.yaml"
+    message:
+        "Draw {wildcards.figure} of the airbag {wildcards.airbag}"
+    script:
+        "../../scripts/draw_figure.py"
+
+
+rule keep_airbags:
+    input:
+        expand("results/airbags/{airbag}/airbag.nc", airbag=LOADED.airbags),
+    output:
+        "docs/gallery/data/airbag.csv",
+    log:
+        "results/logs/keep_airbags.log",
+    conda:
+        "../envs/limo.yaml"
+    params:
+        code=code_digest(("accuracy",)),
+    message:
+        "Keep the rows of the airbags"
+    script:
+        "../../scripts/keep_airbags.py"
+
+
+rule accuracy:
+    input:
+        airbag_targets(),
+    message:
+        "Measured errors"
