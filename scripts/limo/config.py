@@ -34,7 +34,7 @@ SplinePoints = Annotated[list[Point], Field(min_length=2)]
 RULES = (
     *("all", "mesh_device", "solve_case", "measure_case", "write_fields", "gather_study", "gather_shapes", "draw_figure"),
     *("fit_material", "material", "check_paper", "paper", "stress_test", "export_study", "page"),
-    *("accuracy", "solve_airbag", "gather_airbag", "draw_airbag", "keep_airbags"),
+    *("accuracy", "solve_airbag", "gather_airbag", "draw_airbag", "keep_airbags", "gather_accuracy", "draw_accuracy"),
 )
 NAME = r"^[A-Za-z][A-Za-z0-9_]*$"
 
@@ -355,6 +355,21 @@ class Numerics(Section):
         return max(stage.damping for stage in (self.fit, self.hold, self.ramp))
 
 
+class Preset(Section):
+    """A mesh, numerics and an engine together, whose error is measured (``docs/accuracy.md``)."""
+
+    description: str = Field("", description="a few words", examples=["to find one's way"])
+    mesh: Mesh = Field(Mesh(), description="mesh of studies that name the preset")
+    numerics: str = Field("fast", pattern=NAME, description="name of an entry of numerics_presets", examples=["fast"])
+    engine: Engine = Field("newton", description="what solves the cases", examples=["newton"])
+
+    @model_validator(mode="after")
+    def _newton_knows_no_shells(self) -> Preset:
+        if self.engine == "newton" and self.mesh.element.startswith("S8"):
+            raise ValueError(f"engine: calculix for element {self.mesh.element}")
+        return self
+
+
 class Solver(Section):
     """Where CalculiX is and how long it may take."""
 
@@ -574,6 +589,12 @@ class Study(Section):
 
     description: str = Field("", description="one sentence", examples=["pressure-volume curves"])
     device: str = Field("limo", pattern=NAME, description="name of a file in config/devices", examples=["limo"])
+    preset: str | None = Field(
+        None,
+        pattern=NAME,
+        description="name of an entry of presets, for mesh, numerics and engine that the study does not state itself",
+        examples=["standard"],
+    )
     material: dict[str, Any] = Field(
         {}, description="what differs in the fabric of the device; keys left out are the device's", examples=[{"thickness": 0.3}]
     )
@@ -891,6 +912,15 @@ class Config(Section):
     )
     mesh: Mesh = Field(Mesh(), description="mesh of studies that say nothing else")
     numerics: str = Field("fast", pattern=NAME, description="preset of studies that say nothing else", examples=["fast"])
+    preset: str | None = Field(
+        None,
+        pattern=NAME,
+        description="name of an entry of presets, instead of engine, mesh and numerics of studies that say nothing else",
+        examples=["standard"],
+    )
+    presets: dict[Annotated[str, Field(pattern=NAME)], Preset] = Field(
+        {}, description="a mesh, numerics and an engine by the name of the accuracy they are for"
+    )
     mesh_levels: dict[Annotated[str, Field(pattern=NAME)], MeshLevel] = Field(min_length=1, description="mesh levels by name")
     numerics_presets: dict[Annotated[str, Field(pattern=NAME)], Numerics] = Field(min_length=1, description="numerics by name")
     solver: Solver = Solver()
@@ -955,12 +985,21 @@ class Loaded:
         """
         return {name: self._setting(study, variant) for name, variant in (study.variants or {"": Variant()}).items()}
 
+    def default(self, preset: str | None = None) -> Config | Preset:
+        """What has the mesh, numerics and engine where nothing else is said: a named preset, else the configuration's, or itself.
+
+        Raises ``KeyError`` for a name that is not there.
+        """
+        name = preset or self.config.preset
+        return self.config.presets[name] if name else self.config
+
     def _setting(self, study: Study, variant: Variant) -> Setting:
-        mesh = study.mesh or self.config.mesh
+        default = self.default(study.preset)
+        mesh = study.mesh or default.mesh
         if variant.mesh:
             mesh = mesh.model_copy(update={k: getattr(variant.mesh, k) for k in variant.mesh.model_fields_set})
         named = isinstance(variant.numerics, str)
-        preset = variant.numerics if named else study.numerics or self.config.numerics
+        preset = variant.numerics if named else study.numerics or default.numerics
         numerics = self.config.numerics_presets[preset]
         if variant.numerics and not named:
             numerics = Numerics.model_validate(_merged(numerics.model_dump(exclude_unset=True), variant.numerics))
@@ -968,7 +1007,7 @@ class Loaded:
         device = self.devices[device_name]
         if change := study.material | variant.material:
             device = device.model_copy(update={"material": Material.model_validate(device.material.model_dump() | change)})
-        return Setting(device_name, device, mesh, preset, numerics, variant.engine or study.engine or self.config.engine)
+        return Setting(device_name, device, mesh, preset, numerics, variant.engine or study.engine or default.engine)
 
     def engines_of(self, study: Study) -> list[str]:
         """The engines that a study uses, of ``ENGINES``."""
@@ -1107,6 +1146,14 @@ def load_config(path: str | Path = "config/config.yaml") -> Loaded:
             raise ConfigError(path, "studies", name, f"a study in {path.parent}/studies: {names}", "studies: [pressure_volume]")
     _check_names(path, "mesh.level", config.mesh.level, config.mesh_levels)
     _check_names(path, "numerics", config.numerics, config.numerics_presets)
+    for name, preset in config.presets.items():
+        _check_names(path, f"presets.{name}.mesh.level", preset.mesh.level, config.mesh_levels)
+        _check_names(path, f"presets.{name}.numerics", preset.numerics, config.numerics_presets)
+    if config.preset:
+        _check_preset(path, config.preset, config)
+        if stated := [n for n in ("engine", "mesh", "numerics") if n in config.model_fields_set]:
+            expected = f"no {', '.join(stated)} beside it, for which it stands"
+            raise ConfigError(path, "preset", config.preset, expected, f"preset: {config.preset}")
     _check_recovery(path, config)
     if config.stress_test:
         _check_stress_test(path, loaded, config.stress_test)
@@ -1153,6 +1200,13 @@ def _check_names(path: Path, key: str, value: str, known: dict[str, Any], *, lis
         raise ConfigError(path, key, value, f"one of: {names}", f"{section}: {{{example}}}" if section else example)
 
 
+def _check_preset(path: Path, name: str, config: Config) -> None:
+    if not config.presets:
+        expected = "no preset, for the configuration has no presets"
+        raise ConfigError(path, "preset", name, expected, "presets: {preview: {mesh: {level: preview}}}")
+    _check_names(path, "preset", name, config.presets)
+
+
 def _check_study(loaded: Loaded, path: Path, study: Study, cut: set[tuple[str, float, int]]) -> None:
     """What a study names must exist, and its pressures must fit together.
 
@@ -1160,9 +1214,12 @@ def _check_study(loaded: Loaded, path: Path, study: Study, cut: set[tuple[str, f
     """
     from limo.geometry import flat_pattern
 
+    if study.preset:
+        _check_preset(path, study.preset, loaded.config)
+    own = study.numerics or loaded.default(study.preset).numerics
     for name, variant in (study.variants or {"": Variant()}).items():
         prefix = f"variants.{name}." if name else ""
-        preset = variant.numerics if isinstance(variant.numerics, str) else study.numerics or loaded.config.numerics
+        preset = variant.numerics if isinstance(variant.numerics, str) else own
         _check_names(path, f"{prefix}numerics", preset, loaded.config.numerics_presets)
         _check_names(path, f"{prefix}device", variant.device or study.device, loaded.devices)
         try:

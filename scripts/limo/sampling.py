@@ -65,7 +65,7 @@ def stress_cases(loaded: Loaded) -> dict[tuple[str, int, str], Case]:
     test = loaded.config.stress_test
     if test is None:
         return {}
-    device, name = loaded.devices[test.device], test.numerics or loaded.config.numerics
+    device, name = loaded.devices[test.device], test.numerics or loaded.default().numerics
     cases = {}
     for box, ranges in test.boxes.items():
         for k, at in enumerate(sample(ranges, test.seed)):

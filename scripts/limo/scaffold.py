@@ -26,6 +26,7 @@ axes:
 actuation_pressure_max: 60 # kPa; one for each P_v: {{3.8: 60, 13.8: 100}}
 figures: [pressure_volume] # any of: {figures}
 
+# preset: {preset} # mesh, numerics and engine together; of config.yaml: {presets}
 # engine: {engine} # {engines}; of config.yaml when left out
 # mesh: {{level: {level}, symmetry: quarter, element: C3D20R}} # levels of config.yaml: {levels}
 # outputs: [volumes, stress] # any of: {outputs}
@@ -49,15 +50,19 @@ def new_study(config_file: str, name: str, device: str = "limo") -> Path:
         raise LimoError(f"{loaded.files[f'studies/{name}']}: there is a study of this name already")
     if device not in loaded.devices:
         raise ConfigError("limo new-study", "--device", device, f"one of: {', '.join(loaded.devices)}", "--device limo")
+    config = loaded.config
+    default = loaded.default()
     text = TEMPLATE.format(
         name=name,
         device=device,
         devices=", ".join(loaded.devices),
         figures=", ".join(FIGURES),
-        engine=loaded.config.engine,
+        preset=config.preset or next(iter(config.presets), "none"),
+        presets=", ".join(config.presets) or "there are none",
+        engine=default.engine,
         engines=" or ".join(ENGINES),
-        level=loaded.config.mesh.level,
-        levels=", ".join(loaded.config.mesh_levels),
+        level=default.mesh.level,
+        levels=", ".join(config.mesh_levels),
         outputs=", ".join(OUTPUTS),
     )
     file = Path(config_file).parent / "studies" / f"{name}.yaml"

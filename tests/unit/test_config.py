@@ -17,7 +17,8 @@ from pydantic import TypeAdapter
 from pydantic.fields import FieldInfo
 
 from limo import config as config_module
-from limo.config import Section, Study, json_schemas, load_config, read_yaml
+from limo.case import study_cases
+from limo.config import Mesh, Section, Study, json_schemas, load_config, read_yaml
 from limo.errors import ConfigError
 
 CONFIG, DEVICE, STUDY, AIRBAG = "config.yaml", "devices/limo.yaml", "studies/pressure_volume.yaml", "airbags/classical.yaml"
@@ -110,6 +111,7 @@ MISTAKES = [
     (STUDY, ("frames",), [None], "pressures"),
     (STUDY, ("device",), "lima", "limo"),
     (STUDY, ("numerics",), "fastest", "fast"),
+    (STUDY, ("preset",), "exact", "preview, reference, standard"),
     (STUDY, ("mesh", "level"), "huge", "preview"),
     (STUDY, ("mesh", "symmetry"), "half", "quarter"),
     (STUDY, ("mesh",), {"level": "preview", "element": "S8", "symmetry": "quarter"}, "full"),
@@ -131,6 +133,10 @@ MISTAKES = [
     (CONFIG, ("studies",), [], "at least 1"),
     (CONFIG, ("mesh", "level"), "huge", "preview"),
     (CONFIG, ("numerics",), "fastest", "fast"),
+    (CONFIG, ("presets", "standard", "mesh", "level"), "huge", "preview"),
+    (CONFIG, ("presets", "standard", "numerics"), "fastest", "fast"),
+    (CONFIG, ("presets", "standard", "accuracy"), 0.02, "engine"),
+    (CONFIG, ("presets", "standard", "mesh"), {"element": "S8", "symmetry": "full"}, "engine: calculix"),
     (CONFIG, ("mesh_levels", "preview", "degrees_of_freedom"), 10, "greater than or equal to"),
     (CONFIG, (*FAST, "ramp", "rate"), DELETE, "rate"),
     (CONFIG, (*FAST, "fit", "duration"), DELETE, "duration"),
@@ -355,6 +361,44 @@ def test_study_overrides_the_default_mesh_and_numerics(folder):
     content = loaded.content("pressure_volume")
     assert content["settings"][""]["mesh_level"] == loaded.config.mesh_levels["coarse"].model_dump(mode="json")
     assert json.loads(json.dumps(content)) == content, "goes into a dataset's attributes"
+
+
+def test_a_preset_stands_for_mesh_numerics_and_engine_that_are_not_stated(folder):
+    edit(folder / CONFIG, ("presets", "standard"), {"mesh": {"level": "medium"}, "numerics": "paper", "engine": "newton"})
+    edit(folder / STUDY, ("preset",), "standard")
+    loaded = load_config(folder / CONFIG)
+    setting = loaded.settings(loaded.studies["pressure_volume"])[""]
+    assert (setting.mesh, setting.preset, setting.engine) == (Mesh(level="medium"), "paper", "newton")
+    edit(folder / STUDY, ("mesh",), {"level": "coarse"})
+    edit(folder / STUDY, ("engine",), "calculix")
+    edit(folder / STUDY, ("variants",), {"fast": {"numerics": "fast"}})
+    loaded = load_config(folder / CONFIG)
+    setting = loaded.settings(loaded.studies["pressure_volume"])["fast"]
+    assert (setting.mesh.level, setting.preset, setting.engine) == ("coarse", "fast", "calculix"), "what is stated comes on top"
+
+
+def test_a_preset_of_the_configuration_is_that_of_studies_that_name_none(folder):
+    edit(folder / CONFIG, ("preset",), "reference")
+    assert "preset = 'reference': expected no mesh, numerics beside it" in str(error_of(folder))
+    for key in ("mesh", "numerics"):
+        edit(folder / CONFIG, (key,), DELETE)
+    loaded = load_config(folder / CONFIG)
+    setting = loaded.settings(loaded.studies["pressure_volume"])[""]
+    assert (setting.mesh.level, setting.preset, setting.engine) == ("fine", "fast", "newton")
+    edit(folder / CONFIG, ("preset",), "exact")
+    assert "preview, reference, standard" in str(error_of(folder))
+    edit(folder / CONFIG, ("presets",), {})
+    assert "no presets" in str(error_of(folder))
+
+
+def test_the_same_setting_by_a_preset_and_by_its_parts_is_the_same_case(folder):
+    edit(folder / STUDY, ("preset",), "preview")
+    named = study_cases(load_config(folder / CONFIG), "pressure_volume")
+    edit(folder / STUDY, ("preset",), DELETE)
+    edit(folder / STUDY, ("engine",), "newton")
+    assert [c.case_id for c in study_cases(load_config(folder / CONFIG), "pressure_volume").values()] == [
+        c.case_id for c in named.values()
+    ]
 
 
 # --------------------------------------------------------------------------------------------------------------------
