@@ -60,7 +60,7 @@ performance: setup ## measure what everything costs (hours) and write docs/perfo
 	done
 	$(BIN)/limo performance report >docs/performance.md
 
-accuracy: setup ## measure errors (half an hour) and write docs/accuracy.md
+accuracy: setup ## measure errors (hours) and write docs/accuracy.md
 	@OMP_NUM_THREADS=1 $(BIN)/snakemake --cores $(CORES) accuracy
 	$(BIN)/limo accuracy >docs/accuracy.md
 

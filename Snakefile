@@ -22,12 +22,13 @@ from limo.case import (
 )
 from limo.config import load_config
 from limo.cost import plan_costs, ranks
+from limo.device_errors import error_studies
 from limo.engines.find import find_builds, find_engines
 from limo.errors import LimoError
-from limo.figures import AIRBAG_FIGURES, SHAPES, items_of, renderer_lacks
+from limo.figures import AIRBAG_FIGURES, DEVICE_FIGURES, SHAPES, items_of, renderer_lacks
 from limo.page import CODE as PAGE_CODE
 from limo.page import TEMPLATES, sources
-from limo.plan import make_plan
+from limo.plan import CROSS_CHECK, make_plan
 from limo.progress import enter_sweep
 from limo.sampling import stress_cases
 

@@ -179,6 +179,9 @@ def make_parser() -> argparse.ArgumentParser:
         made.add_argument(
             "--table", type=Path, default=Path("docs/gallery/data/airbag.csv"), help="rows of the airbags (default: %(default)s)"
         )
+        made.add_argument(
+            "--errors", type=Path, default=Path("docs/gallery/data/accuracy.nc"), help="rows of the device (default: %(default)s)"
+        )
         _config(made)
     says = "delete what no study uses and what killed solvers left; without --yes only say what and how much that is"
     with command(
@@ -369,7 +372,7 @@ def _reliability(chosen: argparse.Namespace) -> None:
 def _accuracy(chosen: argparse.Namespace) -> None:
     from limo.accuracy import report
 
-    print(report(chosen.table, chosen.config), end="")
+    print(report(chosen.table, chosen.errors, chosen.config), end="")
 
 
 def _clean(chosen: argparse.Namespace) -> None:

@@ -8,7 +8,7 @@ shell). What a prior cannot know, speed of the machine, build, snapping, is lear
 from __future__ import annotations
 
 import heapq
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -96,9 +96,9 @@ def plan_costs(plan: Plan) -> dict[str, float]:
     return dict(zip(names, predict((plan.cases[n] for n in names), plan.solved.values()), strict=True))
 
 
-def ranks(costs: Mapping[str, float]) -> dict[str, int]:
-    """Priorities from 1 (the shortest) upwards and in that order, so that the longest case starts first."""
-    return {name: k for k, name in enumerate(sorted(costs, key=lambda n: (costs[n], n)), 1)}
+def ranks(costs: Mapping[str, float], first: Collection[str] = ()) -> dict[str, int]:
+    """Priorities from 1 (the shortest) upwards, so that the longest case starts first; those in ``first`` before all others."""
+    return {name: k for k, name in enumerate(sorted(costs, key=lambda n: (n in first, costs[n], n)), 1)}
 
 
 def schedule(costs: Iterable[float], cores: int) -> float:

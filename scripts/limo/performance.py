@@ -52,7 +52,7 @@ def _row(case: Case, folder: Path) -> dict:
     ramp = ramp_of(history)
     volume = ramp.ventricle_volume.values
     return {
-        "machine": _machine(),
+        "machine": machine(),
         "n_pouches": case.n_pouches,
         "ventricular_pressure": case.ventricular_pressure,
         "aspect_ratio": case.aspect_ratio,
@@ -82,7 +82,7 @@ def _row(case: Case, folder: Path) -> dict:
     }
 
 
-def _machine() -> str:
+def machine() -> str:
     """The processor by its name."""
     try:
         found = re.search(r"^model name\s*: (.+)$", Path("/proc/cpuinfo").read_text(encoding="utf-8"), re.MULTILINE)

@@ -266,8 +266,8 @@ def test_the_kept_rows_are_those_of_the_configuration_and_the_report_is_made_of_
         kept = rows[rows.airbag == name]
         expected = [(run.series, run.divisions) for run in runs_of(airbag).values()]
         assert list(zip(kept.series, kept.divisions, strict=True)) == expected
-    written = (root / "docs/accuracy.md").read_text(encoding="utf-8")
-    assert written == report(root / "docs/gallery/data/airbag.csv", root / "config/config.yaml"), "call limo accuracy"
+    written, data = (root / "docs/accuracy.md").read_text(encoding="utf-8"), root / "docs/gallery/data"
+    assert written == report(data / "airbag.csv", data / "accuracy.nc", root / "config/config.yaml"), "call limo accuracy"
 
 
 def test_figures_are_drawn_from_the_dataset_alone(dataset, tmp_path):

@@ -72,6 +72,7 @@ def test_cases_that_failed_or_cannot_be_read_and_other_kinds_tell_nothing(make_c
 
 def test_longest_first():
     assert ranks({"a": 5.0, "b": 9.0, "c": 1.0}) == {"c": 1, "a": 2, "b": 3}
+    assert ranks({"a": 5.0, "b": 9.0, "c": 1.0}, {"c"}) == {"c": 3, "b": 2, "a": 1}, "what others wait for"
     assert ranks({}) == {}
 
 

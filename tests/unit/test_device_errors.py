@@ -2,11 +2,42 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import replace
+from importlib import import_module
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import xarray as xr
 
-from limo.device_errors import CLOUD, ERRORS, Run, Surface, chamfer, errors_of, sampled, scatter_of
+from limo import device_errors
+from limo.config import Mesh, Preset, Stage
+from limo.device_errors import (
+    CLOUD,
+    ERRORS,
+    STEP,
+    Run,
+    Surface,
+    chamfer,
+    changes_of,
+    errors_of,
+    exponent,
+    gather_errors,
+    mean_of,
+    pareto,
+    preset_of,
+    read_errors,
+    rows_of,
+    sampled,
+    scatter_of,
+    section,
+    settings_of,
+    write_errors,
+)  # fmt: skip
+from limo.device_report import NOT_MEASURED, QUESTIONS, device_report, differences
+from limo.errors import ResultError
+from limo.figures import DEVICE_FIGURES, style
 
 from .patches import grid
 
@@ -36,6 +67,17 @@ def test_points_follow_curved_sides():
     np.testing.assert_allclose(points[:, 2], points[:, 0] ** 2, atol=1e-12)
 
 
+@pytest.mark.parametrize("height", [0.0, 0.313, -0.9])
+def test_a_section_of_a_wave_is_the_wave(height):
+    """z = sin(2 x) + y of a surface that is divided finely; every segment lies on the plane and on the surface."""
+    nodes, quads = flat(30, 6)
+    x, y = nodes[:, 0], nodes[:, 1]
+    cut = section(nodes, quads, np.column_stack([0 * x, 0 * x, np.sin(2 * x) + y]), height)
+    np.testing.assert_allclose(cut[..., 1], np.sin(2 * cut[..., 0]) + height, atol=2e-3)
+    assert np.abs(np.diff(cut[..., 0])).sum() == pytest.approx(np.ptp(x)), "from end to end and nothing twice"
+    assert section(nodes, quads, np.zeros((len(nodes), 3)), 7.0).shape == (0, 2, 2)
+
+
 def test_chamfer_distance_is_that_of_the_paper():
     first, second = np.array([[0.0, 0, 0], [1.0, 0, 0]]), np.array([[0.0, 0, 0], [1.0, 0, 0.3], [1.0, 0, 0.5]])
     # from the first: 0 and 0.3; from the second: 0, 0.3 and 0.5
@@ -54,11 +96,13 @@ def make_run(make_case):
             "ventricle_volume": ("actuation_pressure", 300.0 - stroke), "stroke_volume": ("actuation_pressure", stroke),
             "actuation_volume_change": ("actuation_pressure", 0.5 * stroke), "pressure_90ml": 45.0 / factor,
             "efficiency_90ml": 0.5 * factor, "von_mises_peak": ("frame", [0.1, 10.0 * factor]),
-            "fatigue_cycles_min": 1e6 * factor, "case_status": status,
+            "fatigue_cycles_min": 1e6 * factor, "case_status": status, "case_reason": "", "solver_build": "a build",
+            "dissipated_fraction": 0.02, "solver_time": 10.0, "iterations": 100.0, "solver_memory": 200.0,
         }  # fmt: skip
         values = xr.Dataset(values | changed, coords={"actuation_pressure": PRESSURE, "frame": ["0", "max"]})
         points = np.stack(np.meshgrid(np.arange(40.0), np.arange(40.0), [shift]), axis=-1).reshape(-1, 3)
-        return Run(part, "", "", 0, make_case(), values, Surface(np.array([0.0, 60.0]), np.array([0.0, 0.1 * factor]), points))
+        surface = Surface(np.array([0.0, 60.0]), np.array([0.0, 0.1 * factor]), points)
+        return Run(part, "", "", 0, make_case(), values, surface)
 
     return make
 
@@ -94,3 +138,190 @@ def test_scatter_is_what_members_differ_among_themselves(make_run):
     found = scatter_of([make_run(0.9), make_run(1.0), make_run(1.1)])
     assert found["stroke"] == pytest.approx((0.15 / 1.05 + 0.0 + 0.15 / 0.95) / 3)
     assert CLOUD % 4 == 0, "the same number of points for all symmetries"
+
+
+def test_the_mean_of_an_ensemble_is_that_of_its_curves(make_run):
+    mean = mean_of([make_run(0.8), make_run(1.2)])
+    found = errors_of(mean, [make_run(0.9), make_run(1.1)])
+    assert found["actuation_volume"] == pytest.approx(0.0, abs=1e-12)
+    assert found["stress"] == pytest.approx(0.0, abs=1e-12)
+    assert found["cycles"] == pytest.approx(0.5 * abs(np.log10(0.96 / 0.99)))
+
+
+def test_the_front_holds_what_nothing_beats_in_cost_and_error():
+    cost, error = [5.0, 1.0, 2.0, 2.0, 9.0, 0.5], [0.1, 0.5, 0.6, 0.3, 0.1, np.nan]
+    assert list(pareto(cost, error)) == [1, 3, 0]
+    assert len(pareto([np.nan], [0.1])) == 0
+
+
+def test_exponents_are_those_of_power_laws():
+    size = np.array([1e3, 1e4, 1e5, 1e5])
+    assert exponent(size, 3.0 * size**1.4) == pytest.approx((1.4, 3.0))
+    assert np.isnan(exponent(size[2:], size[2:])).all(), "of one size"
+
+
+def test_a_setting_is_described_by_what_is_not_the_default(loaded, make_case):
+    fast = loaded.config.numerics_presets["fast"]
+    plain = make_case(numerics=fast.for_engine("calculix"))
+    assert changes_of(loaded, "np4", plain) == {}
+    damped = fast.model_copy(update={"fit": Stage(duration=20, damping=1e6)})
+    changed = replace(plain, numerics=damped.for_engine("calculix"), mesh=Mesh(level="medium", symmetry="full"))
+    found = changes_of(loaded, "np4", changed)
+    assert found == {"medium": "level", "full": "symmetry", "fit.damping 1e+06": "numerics"}
+    thick = plain.device.model_copy(update={"material": plain.device.material.model_copy(update={"thickness": 0.2})})
+    assert changes_of(loaded, "np4", replace(plain, device=thick)) == {"thickness 0.2": "fabric"}
+
+
+def test_runs_are_known_by_the_presets_that_they_are(loaded, make_case):
+    newton = {"engine": "newton", "numerics": loaded.config.numerics_presets["fast"].for_engine("newton")}
+
+    def named(**changes):
+        return preset_of(loaded, SimpleNamespace(case=make_case(**newton | changes)))
+
+    for name, preset in loaded.config.presets.items():
+        assert named(mesh=preset.mesh) == name
+    assert named(mesh=Mesh(level="coarse")) == ""
+    assert named(engine="calculix") == ""
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# the kept dataset, its figures and the report
+
+
+@pytest.fixture
+def gathered(loaded, make_run, make_case, monkeypatch):
+    """Runs of one device whose errors and costs are known, gathered; N_p = 4 alone has been measured."""
+    fast = loaded.config.numerics_presets["fast"]
+    damped = fast.model_copy(update={"ramp": fast.ramp.model_copy(update={"damping": 1e7})})
+
+    def run(part, variant, factor, engine, seconds, branch=0, numerics=fast, status="converged", **mesh):
+        case = make_case(mesh=Mesh(**mesh), engine=engine, numerics=numerics.for_engine(engine), branch=branch)
+        made = make_run(
+            factor, part=part, status=status, solver_time=seconds, iterations=seconds * 10.0, solver_memory=9.0 * seconds
+        )
+        size = 2100.0 * seconds
+        cuts = (np.zeros((0, 2, 2)), np.arange(8.0).reshape(2, 2, 2) * factor)
+        points = np.zeros((CLOUD, 3)) + 0.014 * factor
+        surface = replace(made.surface, cloud=points, sections=cuts)
+        return replace(made, variant=variant, case=case, branch=branch, surface=surface, equations=(size, 4.0 * size))
+
+    runs = [
+        *(run("reference", "", f, "newton", 1000.0, b, level="fine") for b, f in enumerate((0.99, 1.0, 1.01))),
+        *(run("scatter", "", f, "newton", 10.0, b) for b, f in enumerate((0.86, 0.94))),
+        run("accuracy", "preview", 0.88, "calculix", 100.0),
+        run("accuracy", "medium", 0.97, "calculix", 3000.0, level="medium"),
+        run("accuracy", "newton", 0.9, "newton", 10.0),
+        run("accuracy", "newton_medium", 0.985, "newton", 400.0, level="medium"),
+        run("accuracy", "newton_half", 0.9, "newton", 30.0, symmetry="front_back"),
+        run("accuracy", "damped", 0.5, "calculix", 50.0, numerics=damped),
+        run("accuracy", "lost", 0.9, "calculix", 1.0, status="diverged", level="coarse"),
+        replace(run("shells", "s8r", 0.99, "calculix", 200.0, symmetry="full", element="S8R"), surface=None),
+        replace(run("shells", "s8", 0.9, "calculix", 300.0, symmetry="full", element="S8"), surface=None),
+    ]
+    monkeypatch.setattr(device_errors, "runs_of", lambda loaded, device, *_: runs if device == "np4" else [])
+    return gather_errors(loaded, None, {})
+
+
+def test_rows_survive_their_file(gathered, tmp_path):
+    file = tmp_path / "accuracy.nc"
+    write_errors(gathered, file)
+    kept = read_errors(file)
+    assert kept.sizes == gathered.sizes
+    np.testing.assert_allclose(kept.cloud, gathered.cloud, atol=0.5 * STEP + 1e-6)
+    np.testing.assert_allclose(kept.sections, gathered.sections, atol=0.5 * STEP + 1e-6)
+    for name in gathered:
+        assert kept[name].dtype.kind == "f" or list(kept[name].values) == list(gathered[name].values)
+    np.testing.assert_allclose(kept.error_stress, gathered.error_stress, rtol=1e-6)
+    assert all({"units", "long_name"} <= set(v.attrs) for v in kept.data_vars.values() if v.dtype.kind == "f")
+    file.write_text("nothing")
+    with pytest.raises(ResultError, match="not the dataset of measured errors"):
+        read_errors(file)
+    gathered.drop_vars("cpu_seconds").to_netcdf(tmp_path / "other.nc")
+    with pytest.raises(ResultError, match="no variables cpu_seconds"):
+        read_errors(tmp_path / "other.nc")
+
+
+def test_rows_say_what_ran_and_how_wrong_it_is(gathered):
+    rows = rows_of(gathered)
+    assert len(rows) == 14 + 4
+    by = rows[rows.kind == "run"].set_index(["part", "setting", "branch"])
+    newton = by.loc["accuracy", "newton", 0]
+    assert newton.error_stress == pytest.approx(0.1)
+    assert newton.error_volumes == pytest.approx(0.1)
+    assert (newton.varied, newton.preset, newton.degrees_of_freedom) == ("", "preview", 84000)
+    assert by.loc["accuracy", "newton_medium", 0].preset == "standard"
+    assert by.loc["accuracy", "damped", 0].change == "ramp.damping 1e+07"
+    assert by.loc["reference", "reference", 1].error_stress == pytest.approx(0.0, abs=1e-12)
+    mean = rows[(rows.kind == "mean") & (rows.part == "scatter")].iloc[0]
+    assert mean.error_stress == pytest.approx(0.1)
+    assert mean.cpu_seconds == 10
+    chosen = list(settings_of(rows).setting)
+    assert chosen.count("reference") == 1
+    assert "lost" not in chosen
+    assert list(rows.setting.iloc[gathered.section_run.values.astype(int)]) == ["reference", "newton", "newton_medium"]
+    assert gathered.sizes["member"] == 3
+
+
+def test_differences_are_between_two_runs(gathered):
+    rows = rows_of(gathered)
+    one, other = (rows.index[rows.setting == name][0] for name in ("newton_medium", "medium"))
+    found = differences(gathered, one, other)
+    assert found["stress"] == pytest.approx(0.985 / 0.97 - 1)
+    assert found["actuation_volume_change"] == pytest.approx(0.985 / 0.97 - 1)
+    assert found["cpu_seconds"] == pytest.approx(400 / 3000 - 1)
+
+
+def test_the_report_answers_from_the_rows(gathered, loaded):
+    text = device_report(gathered, loaded.config.presets)
+    answers = {q: text.split(f"**{q}**\n  - `np4`: ")[1].split("\n")[0] for q in QUESTIONS.values()}
+    preview = answers[QUESTIONS["preview"]]
+    assert preview.startswith("10 s of CPU time and 90 MiB; volumes 10.0%, stroke 10.0%, stress 10.0%")
+    assert answers[QUESTIONS["symmetry"]].startswith("front_back against quarter with newton: volumes 0.0%, stroke +0.0%")
+    assert answers[QUESTIONS["shells"]].startswith("S8R against S8: volumes 10.0%, stroke +10.0%")
+    damping = answers[QUESTIONS["damping"]]
+    assert "ramp.damping 1e+07 1/s" in damping
+    assert damping.count("not harmless") == 1
+    mesh = answers[QUESTIONS["mesh"]]
+    assert mesh.startswith("`medium` with newton for 400 s is the cheapest")
+    paper = answers[QUESTIONS["paper"]]
+    assert "with newton, largest w 1.5% of at most 2.0%: met" in paper
+    assert "with calculix, largest w 3.0% of at most 2.0%: **not met**" in paper
+    assert "is off the reference by 10.0% in volumes" in answers[QUESTIONS["scatter"]]
+    assert "stress +1.5%, CPU time 0.13 times" in answers[QUESTIONS["engines"]]
+    assert re.search(r"\| lost \| coarse \| calculix \| \d+ \| diverged ", text)
+    assert re.search(r"\| np4 \| standard \| medium \| quarter \| newton \| 400 \| 3600 \| 1\.5% ", text)
+    other = {**loaded.config.presets, "mine": Preset(mesh=Mesh(level="coarse"))}
+    assert re.search(rf"\| np4 \| mine \| coarse \| quarter \| newton \| {NOT_MEASURED} ", device_report(gathered, other))
+
+
+def test_what_was_not_run_is_not_measured(gathered, loaded):
+    kept = gathered.isel(run=~np.isin(gathered.setting, ["medium", "newton_half", "s8", "damped", "newton"]))
+    text = device_report(kept, loaded.config.presets)
+    for key in ("preview", "symmetry", "shells", "damping", "engines"):
+        assert f"**{QUESTIONS[key]}**\n  - `np4`: {NOT_MEASURED}.\n" in text + "\n"
+    assert f"**{QUESTIONS['mesh']}**\n  - `np4`: `medium`" in text
+    nothing = device_report(None, loaded.config.presets)
+    assert nothing.count(f"  - {NOT_MEASURED}.") == len(QUESTIONS)
+
+
+def test_without_two_runs_of_a_reference_there_are_no_errors(loaded, monkeypatch, make_run):
+    monkeypatch.setattr(device_errors, "runs_of", lambda *_: [make_run(part="reference"), make_run()])
+    with pytest.raises(ResultError, match="two converged runs of its reference"):
+        gather_errors(loaded, None, {})
+
+
+@pytest.mark.parametrize("name", DEVICE_FIGURES)
+def test_figures_are_drawn_from_the_kept_dataset_alone(gathered, name, root, tmp_path):
+    write_errors(gathered, tmp_path / "accuracy.nc")
+    module = import_module(f"limo.figures.{name}")
+    figure = module.draw(read_errors(tmp_path / "accuracy.nc"))
+    style.save(figure, tmp_path / "figure.png")
+    shown = {text.get_text() for axis in figure.axes for text in axis.texts}
+    style.close(figure)
+    assert (tmp_path / "figure.png").stat().st_size > 10_000
+    if name == "accuracy_cost":
+        assert {"preset preview", "preset standard", "preset reference", "newton"} <= shown
+        assert not {"preview", "lost", "damped"} & shown, "not on the front"
+    assert (root / f"workflow/report/{name}.rst").stat().st_size > 50
+    drawn = module.draw(gathered.isel(run=gathered.kind.values != "run", section=slice(0)))
+    style.close(drawn)

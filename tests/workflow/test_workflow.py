@@ -196,6 +196,19 @@ def test_accuracy_plans_the_airbags_run_by_run(project):
     assert "solve_airbag" not in project.planned(), "no study needs them"
 
 
+def test_accuracy_solves_the_devices_that_have_a_reference(project):
+    for airbag in (project.folder / "config/airbags").iterdir():
+        airbag.unlink()
+    assert "gather_accuracy" not in project.planned("accuracy"), "no device has a reference"
+    axes = {"n_pouches": [8], "ventricular_pressure": [3.8]}
+    project.study("reference_small", axes=axes, engine="newton", branches=2, figures=[])
+    project.study("accuracy_small", axes=axes, figures=[], variants={"plain": {}, "half": {"mesh": {"symmetry": "front_back"}}})
+    planned = project.planned("accuracy")
+    assert planned["solve_case"] == 4
+    assert planned["gather_study"] == 2
+    assert (planned["gather_accuracy"], planned["draw_accuracy"]) == (1, 4)
+
+
 def test_accuracy_of_a_small_airbag_ends_in_figures_and_kept_rows(project):
     """Another reference draws again and solves nothing; another pressure solves."""
 

@@ -74,8 +74,52 @@ rule keep_airbags:
         "../../scripts/keep_airbags.py"
 
 
+rule gather_accuracy:
+    input:
+        error_results(),
+    output:
+        "docs/gallery/data/accuracy.nc",
+    log:
+        "results/logs/gather_accuracy.log",
+    conda:
+        "../envs/limo.yaml"
+    params:
+        sources={name: served_by(name) for name in ERROR_STUDIES},
+        presets=digest({name: preset.model_dump(mode="json") for name, preset in LOADED.config.presets.items()}),
+        code=code_digest(("device_errors",)),
+    message:
+        "Gather the errors of the settings of the device"
+    script:
+        "../../scripts/gather_accuracy.py"
+
+
+rule draw_accuracy:
+    input:
+        dataset="docs/gallery/data/accuracy.nc",
+        shapes=[],
+        measured=[],
+        style=f"{workflow.basedir}/scripts/limo/figures/style.py",
+        source=f"{workflow.basedir}/scripts/limo/figures/{{figure}}.py",
+    output:
+        report(
+            "docs/gallery/{figure}.png",
+            caption="../report/{figure}.rst",
+            category="accuracy",
+        ),
+        "results/accuracy/figures/{figure}.pdf",
+    log:
+        "results/logs/draw_accuracy/{figure}.log",
+    conda:
+        "../envs/limo.yaml"
+    message:
+        "Draw {wildcards.figure} of the device"
+    script:
+        "../../scripts/draw_figure.py"
+
+
 rule accuracy:
     input:
         airbag_targets(),
+        device_targets(),
     message:
         "Measured errors"

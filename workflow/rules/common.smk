@@ -1,5 +1,7 @@
-# Longest first, so that the cores finish together; meshes before all, or the longest case would wait for its own.
-PRIORITIES = ranks(COSTS)
+# Longest first, so that the cores finish together, but what errors are measured against before; meshes before all, or the
+# longest case would wait for its own.
+ERROR_STUDIES = error_studies(LOADED)
+PRIORITIES = ranks(COSTS, {case_id for name in ERROR_STUDIES if name.startswith("reference_") for case_id in PLAN.of_study(name)})
 MESH_PRIORITIES = {MESH_IDS[name]: len(COSTS) + rank for name, rank in PRIORITIES.items()}
 AIRBAG_RUNS = {name: runs_of(airbag) for name, airbag in LOADED.airbags.items()}
 
@@ -106,3 +108,22 @@ def airbag_targets():
         kind=["png", "pdf"],
     )
     return figures + ["docs/gallery/data/airbag.csv"] * bool(figures)
+
+
+def served_by(name):
+    """Ids of the cases that serve a study, in the order of its grid."""
+    return [case_id for key, case_id in PLAN.served[name].items() if key[0] != CROSS_CHECK]
+
+
+def error_results():
+    """What the errors of the settings of all devices are gathered from."""
+    served = list(dict.fromkeys(case_id for name in ERROR_STUDIES for case_id in PLAN.of_study(name)))
+    meshes = list(dict.fromkeys(f"results/meshes/{MESH_IDS[case_id]}.vtu" for case_id in served))
+    cases = expand("results/cases/{case}/{file}", case=served, file=["case.json", "frames.nc"])
+    return [*expand("results/studies/{study}/study.nc", study=ERROR_STUDIES), *meshes, *cases]
+
+
+def device_targets():
+    """Figures of the errors of the device, and the dataset that they are drawn from; nothing without a reference."""
+    figures = expand("docs/gallery/{figure}.png", figure=DEVICE_FIGURES)
+    return ["docs/gallery/data/accuracy.nc", *figures] if ERROR_STUDIES else []

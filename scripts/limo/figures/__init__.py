@@ -21,6 +21,8 @@ FIGURES = (
 )
 #: figures of an airbag, drawn from its dataset (``limo.airbag_solution.gather``)
 AIRBAG_FIGURES = ("airbag_convergence", "airbag_shapes")
+#: figures of the errors of the device's settings, drawn from ``docs/gallery/data/accuracy.nc`` (``limo.device_errors``)
+DEVICE_FIGURES = ("accuracy_cost", "accuracy_convergence", "accuracy_sections", "accuracy_scaling")
 #: figures that need an output of their study beyond volumes
 NEEDS = {"strain_life": "fatigue", "cycles": "fatigue", "afterload": "contact"}
 #: what may be drawn of the shapes of a study (``limo.shapes``): displacements at all of its frames or at the pressures of its

@@ -1,0 +1,12 @@
+"""Gather the errors and costs of the settings of all devices (rule gather_accuracy)."""
+
+from pathlib import Path
+
+from limo.config import load_config
+from limo.device_errors import gather_errors, write_errors
+from limo.door import logged
+
+with logged(snakemake.log[0]):  # noqa: F821
+    loaded = load_config(snakemake.config["file"])  # noqa: F821
+    dataset = gather_errors(loaded, Path("results"), snakemake.params.sources)  # noqa: F821
+    write_errors(dataset, Path(snakemake.output[0]))  # noqa: F821

@@ -1,0 +1,62 @@
+"""The device on ever finer meshes: largest w / L and Chamfer distance (paper, Fig. limo_valid_metrics)."""
+
+from __future__ import annotations
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+import xarray as xr
+from matplotlib.lines import Line2D
+
+from limo.device_errors import rows_of
+from limo.figures import style
+from limo.figures.accuracy_cost import MARKERS
+
+
+def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
+    """A row a device: (a) largest w / L over P_a, (b) its last value and (c) Chamfer distance to the reference over mesh size.
+
+    Runs that differ in the mesh level alone; a colour a level, squares and dashes are CalculiX. Several points of one mesh are
+    branches, whose spread is the scatter of paths.
+    """
+    rows = rows_of(dataset)
+    rows = rows[(rows.kind == "run") & (rows.status == "converged") & rows.varied.isin(["", "level"])]
+    names = list(dict.fromkeys(rows.device))
+    levels = list(dict.fromkeys(rows.sort_values("degrees_of_freedom").level))
+    colors = {level: style.COLORS[k % len(style.COLORS)] for k, level in enumerate(levels)}
+    plt.rcParams.update(style.SETTINGS)
+    figure, axes = plt.subplots(
+        max(len(names), 1), 3, figsize=(9.0, 2.8 * max(len(names), 1) + 0.7), layout="constrained", squeeze=False
+    )
+    for device, line in zip(names, axes, strict=False):
+        of = rows[rows.device == device]
+        for index, row in of.iterrows():
+            color, marker = colors[row.level], MARKERS[row.engine]
+            pressure, height = dataset.frame_pressure.values[index], dataset.frame_height.values[index]
+            if row.branch == 0:
+                line[0].plot(pressure, height, "-" if row.engine == "newton" else "--", color=color, lw=1.2)
+            look = {"color": color, "marker": marker, "ls": "", "ms": 5, "mfc": color if row.branch == 0 else "none"}
+            line[1].plot(row.degrees_of_freedom, row.height, **look)
+            line[2].plot(row.degrees_of_freedom, row.error_chamfer, **look)
+        _reference(line[1], of)
+        line[0].set(xlabel="$P_a$ [kPa]", ylabel="Largest $w/L$ [-]")
+        line[1].set(xscale="log", xlabel="Degrees of freedom", ylabel="Largest $w/L$ at $P_{a,max}$ [-]")
+        line[2].set(xscale="log", xlabel="Degrees of freedom", ylabel="Chamfer distance $d_c/L$ [-]")
+        line[2].set_ylim(0, None)
+        line[0].set_title(device, loc="left")
+    handles = [Line2D([], [], color=c, label=level) for level, c in colors.items()]
+    handles += [
+        Line2D([], [], color="black", ls=ls, marker=MARKERS[e], label=e) for e, ls in (("newton", "-"), ("calculix", "--"))
+    ]
+    handles += [Line2D([], [], color="black", ls="", marker="o", mfc="none", label="other branches")]
+    handles += [plt.Rectangle((0, 0), 1, 1, color="0.85", label="2 % around the reference")]
+    style.legend(figure, handles, [], 6)
+    return figure
+
+
+def _reference(axis, rows: pd.DataFrame) -> None:
+    """The mean of the reference with the paper's 2 % on either side."""
+    height = rows.height[(rows.part == "reference") & np.isfinite(rows.height)]
+    if len(height):
+        axis.axhspan(0.98 * height.mean(), 1.02 * height.mean(), color="0.85", lw=0, zorder=0)
+        axis.axhline(height.mean(), color="0.5", lw=0.8, zorder=0)

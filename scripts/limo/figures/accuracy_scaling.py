@@ -1,0 +1,52 @@
+"""What the solver takes on ever larger models: CPU time, that of an iteration, and memory, with the fitted exponents."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+from matplotlib.lines import Line2D
+
+from limo.device_errors import exponent, rows_of, scaling_of
+from limo.figures import style
+from limo.figures.accuracy_cost import MARKERS
+
+#: what is drawn: variable and label
+PANELS = (
+    ("cpu_seconds", "CPU time of a case [s]"),
+    ("seconds_per_iteration", "CPU time of an iteration [s]"),
+    ("memory_mib", "Peak memory [MiB]"),
+)
+_COLORS = {"newton": style.COLORS[0], "calculix": style.COLORS[1]}
+_FILLS = ("full", "none", "left", "right")
+
+
+def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
+    """Over the displacements that are solved for, (a) CPU time, (b) that of an iteration, (c) memory; an exponent an engine.
+
+    Runs that differ in mesh level and symmetry alone, and their branches; of several devices the markers are filled differently.
+    """
+    rows = scaling_of(rows_of(dataset))
+    names = list(dict.fromkeys(rows.device))
+    figure, axes = style.panels(3, width=9.0, height=3.6)
+    for axis, (name, label) in zip(axes, PANELS, strict=True):
+        for engine, of in rows.groupby("engine", sort=False):
+            color = _COLORS[engine]
+            for device, each in of.groupby("device", sort=False):
+                fill = _FILLS[names.index(device) % len(_FILLS)]
+                axis.plot(
+                    each.solved_degrees_of_freedom, each[name], ls="", marker=MARKERS[engine], color=color, ms=4.5, fillstyle=fill
+                )
+            power, factor = exponent(of.solved_degrees_of_freedom, of[name])
+            if np.isfinite(power):
+                size = np.array([of.solved_degrees_of_freedom.min(), of.solved_degrees_of_freedom.max()])
+                axis.plot(size, factor * size**power, color=color, lw=1.0, label=f"{engine}: exponent {power:.2f}")
+        axis.set(xscale="log", yscale="log", xlabel="Displacements solved for", ylabel=label)
+        if axis.get_legend_handles_labels()[0]:
+            axis.legend(loc="upper left", fontsize=7)
+    handles = [Line2D([], [], ls="", marker=MARKERS[e], color=c, label=e) for e, c in _COLORS.items()]
+    handles += [
+        Line2D([], [], ls="", marker="o", color="black", fillstyle=_FILLS[k % len(_FILLS)], label=n) for k, n in enumerate(names)
+    ]
+    style.legend(figure, handles, [], 6)
+    return figure
