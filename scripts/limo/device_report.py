@@ -325,7 +325,8 @@ def _error(row: pd.Series | dict, column: str, rows: pd.DataFrame | None) -> str
 
 
 def _percent(value: float) -> str:
-    return f"{value:.1%}" if np.isfinite(value) else "-"
+    """With two digits below a percent."""
+    return f"{value:.{1 + (abs(value) < 0.01)}%}" if np.isfinite(value) else "-"
 
 
 def _signed(value: float) -> str:

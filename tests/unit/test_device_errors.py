@@ -276,7 +276,7 @@ def test_the_report_answers_from_the_rows(gathered, loaded):
     answers = {q: text.split(f"**{q}**\n  - `np4`: ")[1].split("\n")[0] for q in QUESTIONS.values()}
     preview = answers[QUESTIONS["preview"]]
     assert preview.startswith("10 s of CPU time and 90 MiB; volumes 10.0%, stroke 10.0%, stress 10.0%")
-    assert answers[QUESTIONS["symmetry"]].startswith("front_back against quarter with newton: volumes 0.0%, stroke +0.0%")
+    assert answers[QUESTIONS["symmetry"]].startswith("front_back against quarter with newton: volumes 0.00%, stroke +0.0%")
     assert answers[QUESTIONS["shells"]].startswith("S8R against S8: volumes 10.0%, stroke +10.0%")
     damping = answers[QUESTIONS["damping"]]
     assert "ramp.damping 1e+07 1/s" in damping

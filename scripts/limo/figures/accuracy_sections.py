@@ -16,7 +16,7 @@ from limo.figures.surface import mirrors
 
 
 def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
-    """A row a device, a column a mesh level from coarse to fine: cuts at the frames above P_a = 0, dark at the highest P_a."""
+    """A row a device, a column a mesh level from coarse to fine: cuts at the frames above P_a = 0, white at the lowest P_a."""
     rows = rows_of(dataset).iloc[dataset.section_run.values.astype(int)].reset_index(drop=True)
     names = list(dict.fromkeys(rows.device))
     columns = max([int((rows.device == name).sum()) for name in names], default=1)
@@ -27,31 +27,31 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
     )  # fmt: skip
     for axis in axes.ravel():
         axis.set_axis_off()
-    top = 0.0
+    shown = dataset.frame_pressure.values[dataset.section_run.values.astype(int)]
+    shown = shown[shown > 0]
+    norm = Normalize(*((shown.min(), shown.max()) if shown.size else (0.0, 1.0)))
     for device, line in zip(names, axes, strict=False):
         of = rows[rows.device == device].sort_values("degrees_of_freedom")
         for axis, (index, row) in zip(line, of.iterrows(), strict=False):
             pressure = dataset.frame_pressure.values[int(dataset.section_run[index])]
-            top = max(top, float(np.nanmax(pressure)))
-            _cuts(axis, dataset.sections.values[index], pressure, row.symmetry)
+            _cuts(axis, dataset.sections.values[index], pressure, row.symmetry, norm)
             axis.set_axis_on()
             axis.set(aspect="equal", xlabel="x [mm]", facecolor="0.93")
             axis.grid(visible=False)
             axis.set_title(f"{device}: {row.level}\n{row.degrees_of_freedom / 1000:.0f} thousand dof", fontsize=7.5)
         line[0].set_ylabel("z [mm]")
-    bar = figure.colorbar(ScalarMappable(Normalize(0, max(top, 1.0)), "Greys"), ax=list(axes.ravel()), shrink=0.7, aspect=30)
+    bar = figure.colorbar(ScalarMappable(norm, "Greys"), ax=list(axes.ravel()), shrink=0.7, aspect=30)
     bar.set_label(f"$P_a$ [kPa], cut at $y/L$ = {SECTION:g}")
     return figure
 
 
-def _cuts(axis, cuts: np.ndarray, pressure: np.ndarray, symmetry: str) -> None:
+def _cuts(axis, cuts: np.ndarray, pressure: np.ndarray, symmetry: str, norm: Normalize) -> None:
     """Segments (f, k, 2, 2) in mm at pressures (f,) of the full device."""
     grey = plt.get_cmap("Greys")
-    highest = np.nanmax(pressure)
     for k in np.argsort(pressure):
         if not pressure[k] > 0:
             continue
         part = cuts[k][np.isfinite(cuts[k]).all(axis=(1, 2))]
         for sign in mirrors(symmetry):
-            axis.add_collection(LineCollection(part * sign[[0, 2]], colors=[grey(pressure[k] / highest)], lw=0.6))
+            axis.add_collection(LineCollection(part * sign[[0, 2]], colors=[grey(norm(pressure[k]))], lw=0.6))
     axis.autoscale()
