@@ -45,8 +45,9 @@ EASY_SHARE = 0.2
 #: forces count as load from this share of the internal ones and this value (N) on, for devices without pressure
 HELD_SHARE, SMALLEST_FORCE = 1e-3, 1e-9
 #: share of its volume that every integration point keeps in a step, and of what is left of it where that is less already:
-#: St. Venant-Kirchhoff fabric gives way below a stretch of 1/sqrt(3) and is at rest again as its own mirror image
-SMALLEST_VOLUME, SHARE_LEFT = 0.6, 0.8
+#: St. Venant-Kirchhoff fabric gives way below a stretch of 1/sqrt(3) and is at rest again as its own mirror image, and on fine
+#: meshes a step of a millimetre can get there. Devices at rest are above 0.85
+SMALLEST_VOLUME, SHARE_LEFT = 0.8, 0.9
 TINY = np.finfo(float).tiny
 FIT, HOLD, RAMP = range(3)
 _CLOSE = 1e-6  # kPa, pressures closer than this are the same
