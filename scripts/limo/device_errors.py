@@ -26,7 +26,7 @@ from limo.figures.surface import grid, mirrors
 from limo.files import UNREADABLE, read_json, write_whole
 from limo.measures import open_case
 from limo.mesh import degrees_of_freedom_of, read_mesh
-from limo.performance import machine
+from limo.overhead import processor
 
 PARTS = ("accuracy", "reference", "scatter", "shells")
 #: points of a cloud on the surface of the full device, and steps of the stored coordinates in mm
@@ -382,7 +382,7 @@ def gather_errors(loaded: Loaded, results: Path, sources: Mapping[str, Sequence[
     dataset = xr.Dataset(data, coords={"actuation_pressure": ("actuation_pressure", pressure, {"units": "kPa"})})
     return _described(dataset).assign_attrs(
         title="errors of the settings of the device",
-        machine=machine(),
+        machine=processor(),
         presets=json.dumps({name: preset.model_dump(mode="json") for name, preset in loaded.config.presets.items()}),
     )
 
