@@ -58,6 +58,7 @@ performance: setup ## measure what everything costs (hours) and write docs/perfo
 		OMP_NUM_THREADS=1 $(BIN)/snakemake --cores $(CORES) --config file=$${batch#*:}; \
 		$(BIN)/limo performance record $${batch%%:*} --config $${batch#*:}; \
 	done
+	$(BIN)/limo performance overhead --config config/grids/preview_newton.yaml
 	$(BIN)/limo performance report >docs/performance.md
 
 accuracy: setup ## measure errors (half an hour) and write docs/accuracy.md

@@ -55,7 +55,7 @@ def _airbag_rows(file: Path) -> pd.DataFrame:
 def read_airbags(file: Path) -> pd.DataFrame:
     """The rows that ``keep_airbags`` wrote. Raises ``ResultError``."""
     try:
-        rows = pd.read_csv(file, dtype={"path": str})
+        rows = pd.read_csv(file, dtype={"path": str, "reason": object})
     except (OSError, ValueError) as error:
         raise ResultError(f"{file}: not a table of airbags ({error})") from None
     if missing := [c for c in AIRBAG_KEYS if c not in rows]:

@@ -138,9 +138,16 @@ def make_parser() -> argparse.ArgumentParser:
         _studies(recorded, "those the configuration runs")
         _config(recorded)
         _results(recorded)
-        for part in (recorded, doing.add_parser("report", help="print the report")):
+        timed = doing.add_parser("overhead", help="time a sweep with nothing to do, and the planning of a thousand cases")
+        _config(timed)
+        printed = doing.add_parser("report", help="print the report")
+        for part in (recorded, printed):
             part.add_argument(
                 "--table", type=Path, default=Path("docs/data/performance.csv"), help="the table (default: %(default)s)"
+            )
+        for part in (timed, printed):
+            part.add_argument(
+                "--overhead", type=Path, default=Path("docs/data/overhead.csv"), help="its table (default: %(default)s)"
             )
     says = "test the paper's statements on the datasets of the studies; write the table and a page of it"
     with command(_paper_check, "paper-check", says, "", "--data docs/gallery/data") as made:
@@ -316,12 +323,15 @@ def _benchmark(chosen: argparse.Namespace) -> None:
 
 
 def _performance(chosen: argparse.Namespace) -> None:
+    from limo.overhead import read_overhead, record_overhead
     from limo.performance import read_measurements, record_batch, report
 
     if chosen.doing == "record":
         print(record_batch(chosen.config, chosen.batch, chosen.studies, chosen.results, chosen.table))
+    elif chosen.doing == "overhead":
+        print(record_overhead(Path(chosen.config), chosen.overhead))
     else:
-        print(report(read_measurements(chosen.table)), end="")
+        print(report(read_measurements(chosen.table), read_overhead(chosen.overhead)), end="")
 
 
 def _paper_check(chosen: argparse.Namespace) -> None:

@@ -277,7 +277,11 @@ class Newton(Section):
     fit_steps: int = Field(10, ge=1, le=1000, description="equilibria from the flat state to the fitted one", examples=[10])
     load_step: float = Field(1.0, gt=0, le=100, description="kPa between the equilibria of the ramp", examples=[1.0])
     easy_steps: int = Field(
-        2, ge=1, le=20, description="how many of these steps are taken at once after one that came easily", examples=[2]
+        4,
+        ge=1,
+        le=20,
+        description="how many of these steps are taken at once after one that came easily, as far as P_a is high enough",
+        examples=[4],
     )
     residual: float = Field(1e-3, gt=0, le=0.1, description="largest residual over the load, both as 2-norms", examples=[1e-3])
     correction: float = Field(

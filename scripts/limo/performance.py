@@ -6,8 +6,6 @@ runs that were measured together; ratios are taken within one case only.
 
 from __future__ import annotations
 
-import platform
-import re
 import subprocess
 import sys
 import time
@@ -23,6 +21,7 @@ from limo.deck import stage_times
 from limo.engines.find import find_engines
 from limo.errors import LimoError, ResultError
 from limo.files import read_json, write_whole
+from limo.overhead import NOTHING, PLANNING, processor
 from limo.plan import Plan, make_plan
 from limo.solution import ramp_of
 
@@ -52,7 +51,7 @@ def _row(case: Case, folder: Path) -> dict:
     ramp = ramp_of(history)
     volume = ramp.ventricle_volume.values
     return {
-        "machine": _machine(),
+        "machine": processor(),
         "n_pouches": case.n_pouches,
         "ventricular_pressure": case.ventricular_pressure,
         "aspect_ratio": case.aspect_ratio,
@@ -80,15 +79,6 @@ def _row(case: Case, folder: Path) -> dict:
         "rest_volume": round(float(volume[0]), 3) if len(volume) else None,
         "stroke": round(float(volume[0] - volume[-1]), 3) if len(volume) else None,
     }
-
-
-def _machine() -> str:
-    """The processor by its name."""
-    try:
-        found = re.search(r"^model name\s*: (.+)$", Path("/proc/cpuinfo").read_text(encoding="utf-8"), re.MULTILINE)
-    except OSError:
-        found = None
-    return found.group(1) if found else platform.processor()
 
 
 def _share(case: Case, history: xr.Dataset) -> float:
@@ -140,8 +130,8 @@ PAYS, HARMLESS, DISSIPATES = 0.95, 0.03, 1.2
 CASE = ["n_pouches", "ventricular_pressure", "aspect_ratio", "stiffness_ratio"]
 
 
-def report(rows: pd.DataFrame) -> str:
-    """docs/performance.md from raw measurements; a part whose batch was not measured says so."""
+def report(rows: pd.DataFrame, overhead: pd.DataFrame) -> str:
+    """docs/performance.md from raw measurements and what ``limo.overhead`` measured; what was not measured says so."""
     rows = rows.assign(iterations=rows[[c for c in rows if c.startswith("iterations_")]].sum(axis=1))
     machines = ", ".join(sorted(rows.machine.dropna().unique()))
     parts = [
@@ -150,7 +140,7 @@ def report(rows: pd.DataFrame) -> str:
         f"operating system's accounting on: {machines}, two cases side by side. `docs/solver.md` has the tuned build of CalculiX,"
         " `docs/methods.md` both engines.",
         "## Targets",
-        markdown_table(_targets(rows)),
+        markdown_table(_targets(rows, overhead)),
         "## Whole grids",
         "The 19 cases of `afterload`, `valve_support` and `compliance`. Two cores: the longest cases first.",
         markdown_table(_grids(rows)),
@@ -272,7 +262,7 @@ def _builds(rows: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(table)
 
 
-def _targets(rows: pd.DataFrame) -> pd.DataFrame:
+def _targets(rows: pd.DataFrame, overhead: pd.DataFrame) -> pd.DataFrame:
     grids = _grids(rows).set_index("batch") if rows.batch.str.startswith("grid").any() else pd.DataFrame()
     table = []
 
@@ -304,6 +294,10 @@ def _targets(rows: pd.DataFrame) -> pd.DataFrame:
             ours = rows[(rows.batch == "levers") & (rows.variant == {"calculix": "base"}.get(engine, engine))].cpu_seconds
             ratio = paper.max() / ours.min() if len(paper) and len(ours) else None
             add(f"less CPU than the deck of the paper on the stock build: {engine}", ratio, limit, "times", most=False)
+    for what, name, limit in ((NOTHING, "nothing to do in {} solved cases", 5), (PLANNING, "dry run of a study of {} cases", 15)):
+        of = overhead[overhead.what == what]
+        cases = f"{of.cases.iloc[0]:,}" if len(of) else "any"
+        add(name.format(cases), of.wall_seconds.iloc[0] if len(of) else None, limit, "s")
     return pd.DataFrame(table)
 
 

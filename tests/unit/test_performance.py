@@ -7,6 +7,7 @@ from limo.case import study_cases
 from limo.config import Loaded, Study
 from limo.errors import ResultError
 from limo.files import write_json
+from limo.overhead import COLUMNS, read_overhead
 from limo.performance import measurements, read_measurements, record, report
 from limo.plan import make_plan
 
@@ -61,7 +62,8 @@ def test_the_report_judges_changes_and_targets_by_the_numbers(measured):
     variants = {"faster": (50.0, 101.0), "wrong": (50.0, 110.0), "slower": (99.0, 100.0)}
     rows = [base, *(base.assign(variant=n, change=n, cpu_seconds=c, stroke=s) for n, (c, s) in variants.items())]
     paper = base.assign(batch="stock", variant="paper", cpu_seconds=600.0, path_share=0.1)
-    text = report(pd.concat([*rows, paper], ignore_index=True))
+    overhead = pd.DataFrame([("no_op", 19, 4.0, 3, "a"), ("dry_run", 1000, 16.0, 3, "a")], columns=COLUMNS)
+    text = report(pd.concat([*rows, paper], ignore_index=True), overhead)
     verdict = {n: next(line for line in text.splitlines() if f"| {n} |" in line).split("|")[-2].strip() for n in variants}
     assert verdict == {"faster": "yes", "wrong": "no", "slower": "no"}
     lines = [line for line in text.splitlines() if "deck of the paper on the stock build: calculix" in line]
@@ -69,6 +71,15 @@ def test_the_report_judges_changes_and_targets_by_the_numbers(measured):
     assert "60 times" in lines[0]
     assert lines[0].endswith("yes |")
     assert "not measured" in next(line for line in text.splitlines() if "`grid_preview_newton`, 19" in line)
+    assert "| nothing to do in 19 solved cases | at most 5 s | 4 s | yes |" in text
+    assert "| dry run of a study of 1,000 cases | at most 15 s | 16 s | no |" in text
+
+
+def test_times_of_snakemake_are_read_and_none_where_none_were_measured(tmp_path):
+    assert read_overhead(tmp_path / "absent.csv").empty
+    (tmp_path / "other.csv").write_text("a,b\n1,2\n")
+    with pytest.raises(ResultError, match="no columns what"):
+        read_overhead(tmp_path / "other.csv")
 
 
 def test_a_file_that_is_no_table_is_refused(tmp_path):

@@ -38,13 +38,16 @@ log = logging.getLogger(__name__)
 LARGEST_SHIFT = 1e14
 #: a factor is used again while the residual falls below this share of the one before
 REUSED_WHILE = 0.1
-#: an equilibrium was easy to find with at most this many factorisations
+#: an equilibrium was easy to find with at most this many iterations
 EASY = 4
+#: several load steps at once are no more than this share of P_a, so that soft beginnings are resolved
+EASY_SHARE = 0.2
 #: forces count as load from this share of the internal ones and this value (N) on, for devices without pressure
 HELD_SHARE, SMALLEST_FORCE = 1e-3, 1e-9
 #: share of its volume that every integration point keeps in a step, and of what is left of it where that is less already:
-#: St. Venant-Kirchhoff fabric gives way below a stretch of 1/sqrt(3) and is at rest again as its own mirror image
-SMALLEST_VOLUME, SHARE_LEFT = 0.6, 0.8
+#: St. Venant-Kirchhoff fabric gives way below a stretch of 1/sqrt(3) and is at rest again as its own mirror image, and on fine
+#: meshes a step of a millimetre can get there. Devices at rest are above 0.85
+SMALLEST_VOLUME, SHARE_LEFT = 0.8, 0.9
 TINY = np.finfo(float).tiny
 FIT, HOLD, RAMP = range(3)
 _CLOSE = 1e-6  # kPa, pressures closer than this are the same
@@ -231,7 +234,7 @@ class _Run:
         )
 
     def ramp(self) -> None:
-        """Raise P_a in multiples of ``load_step`` to its maximum, several of them at once where that is easy.
+        """Raise P_a in multiples of ``load_step`` to its maximum, several of them at once where that is easy and P_a is high.
 
         A lower maximum leaves the steps below it as they are, so that a case that goes further passes through the same states.
         """
@@ -240,7 +243,7 @@ class _Run:
         pressure, easy = self.pressures[-1], False  # zero, or where an earlier attempt ended
         steps = int(pressure / settings.load_step + _CLOSE)
         while pressure < maximum - _CLOSE:
-            steps += settings.easy_steps if easy else 1
+            steps += max(1, min(settings.easy_steps, int(EASY_SHARE * steps))) if easy else 1
             before, pressure = pressure, min(steps * settings.load_step, maximum)
             for frame in (f for f in case.frames if before + _CLOSE < f < pressure - _CLOSE):
                 self.visit(RAMP, 1.0, ventricular, frame)
