@@ -43,7 +43,7 @@ REPLACEMENTS = {
     "limo compare np4 np6": "limo compare np4 np8",
     "limo table results/studies/thick/study.nc": "limo table results/studies/pressure_volume/study.nc",
 }
-#: without a value in words of capitals or in brackets
+#: what stands for something that a reader puts there
 PLACEHOLDER = re.compile(r"\b[A-Z]{2,}\b|\.\.\.|<|\[")
 
 
@@ -61,9 +61,8 @@ def blocks(file: Path) -> list[tuple[str, list[str]]]:
     return found
 
 
-def commands(file: Path) -> list[str]:
-    """The commands of a document's shell blocks, without comments."""
-    lines = [line for language, lines in blocks(file) if language == "sh" for line in lines]
+def commands(lines: list[str]) -> list[str]:
+    """The commands of a shell block, without comments."""
     return [stripped for line in lines if (stripped := re.sub(r"(^|\s)#.*", "", line).strip())]
 
 
@@ -116,7 +115,7 @@ def run(reader, monkeypatch, capfd):
 def planned(folder: Path, *words: str) -> None:
     """A dry run of Snakemake; what only makes sense in a locked folder is run as it is."""
     options = [] if "--unlock" in words else ["--dry-run", "--quiet", "all"]
-    command = [sys.executable, "-m", "snakemake", "--snakefile", ROOT / "Snakefile", "--directory", folder, *options, *words]
+    command = [sys.executable, "-m", "snakemake", *words, "--snakefile", ROOT / "Snakefile", "--directory", folder, *options]
     if not {"--cores", "--dry-run", "-n"} & {*options, *words}:
         command += ["--cores", "1"]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
@@ -131,14 +130,9 @@ def test_every_command_of_the_documents_runs_or_can_be_planned(run, reader):
         for language, lines in blocks(document):
             if language == "yaml" and (named := re.fullmatch(r"# (config/\w+/\w+\.yaml)", lines[0])):
                 (reader / named[1]).write_text("\n".join([*lines, ""]), encoding="utf-8")
-            if language != "sh":
-                continue
-            for line in lines:
-                command = re.sub(r"(^|\s)#.*", "", line).strip()
-                if command:
-                    count += 1
-                    words = run(command)
-                    _sort(words, targets, others)
+            for command in commands(lines) if language == "sh" else ():
+                count += 1
+                _sort(run(command), targets, others)
         for span in mentioned(document):
             if span.startswith("snakemake") and not PLACEHOLDER.search(span):
                 _sort(shlex.split(span)[1:], targets, others)
@@ -184,4 +178,5 @@ def test_commands_in_the_text_exist(document):
 
 
 def test_every_replacement_is_of_a_command_that_stands_somewhere():
-    assert set(REPLACEMENTS) <= {command for document in DOCUMENTS for command in commands(document)}
+    found = [lines for document in DOCUMENTS for language, lines in blocks(document) if language == "sh"]
+    assert set(REPLACEMENTS) <= {command for lines in found for command in commands(lines)}
