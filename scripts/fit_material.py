@@ -6,12 +6,12 @@ from limo.config import load_config
 from limo.door import logged
 from limo.figures import style
 from limo.figures.tensile_test import draw
-from limo.files import write_whole
+from limo.files import write_netcdf, write_whole
 from limo.material import tensile_test
 
 with logged(snakemake.log[0]):  # noqa: F821
     dataset = tensile_test(load_config(snakemake.config["file"]).config.tensile_test)  # noqa: F821
-    write_whole(Path(snakemake.output.dataset), dataset.to_netcdf)  # noqa: F821
+    write_netcdf(dataset, Path(snakemake.output.dataset), checked=False)  # noqa: F821
     figure = draw(dataset)
     for output in snakemake.output[1:]:  # noqa: F821
         write_whole(Path(output), lambda path: style.save(figure, path))

@@ -7,10 +7,10 @@ import xarray as xr
 from limo.airbag_solution import gather
 from limo.config import load_config
 from limo.door import logged
-from limo.files import write_whole
+from limo.files import write_netcdf
 
 with logged(snakemake.log[0]):  # noqa: F821
     name = snakemake.wildcards.airbag  # noqa: F821
     airbag = load_config(snakemake.config["file"]).airbags[name]  # noqa: F821
     dataset = gather(airbag, name, [xr.load_dataset(file) for file in snakemake.input])  # noqa: F821
-    write_whole(Path(snakemake.output[0]), dataset.to_netcdf)  # noqa: F821
+    write_netcdf(dataset, Path(snakemake.output[0]), checked=False)  # noqa: F821

@@ -4,11 +4,10 @@ from pathlib import Path
 
 from limo.config import load_config
 from limo.door import logged
-from limo.files import write_whole
 from limo.shapes import gather_shapes, write_shapes
 
 with logged(snakemake.log[0]):  # noqa: F821
     loaded = load_config(snakemake.config["file"])  # noqa: F821
     study, sources = snakemake.wildcards.study, snakemake.params.sources  # noqa: F821
     shapes = gather_shapes(loaded, study, Path("results/cases"), Path("results/meshes"), sources)
-    write_whole(Path(snakemake.output[0]), lambda path: write_shapes(shapes, path))  # noqa: F821
+    write_shapes(shapes, Path(snakemake.output[0]))  # noqa: F821

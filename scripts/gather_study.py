@@ -5,10 +5,10 @@ from pathlib import Path
 from limo.config import load_config
 from limo.dataset import gather_study
 from limo.door import logged
-from limo.files import write_whole
+from limo.files import write_netcdf
 
 with logged(snakemake.log[0]):  # noqa: F821
     loaded = load_config(snakemake.config["file"])  # noqa: F821
     study, sources = snakemake.wildcards.study, snakemake.params.sources  # noqa: F821
     dataset = gather_study(loaded, study, Path("results/cases"), sources)
-    write_whole(Path(snakemake.output[0]), dataset.to_netcdf)  # noqa: F821
+    write_netcdf(dataset, Path(snakemake.output[0]), checked=False)  # noqa: F821

@@ -21,6 +21,8 @@ from limo.plan import Plan, Solved
 SECONDS_PER_ITERATION, SIZE, GROWTH = 0.16, 21000, 1.3
 #: CPU time of an engine over that of CalculiX
 SHARE = {"calculix": 1.0, "newton": 1 / 12}
+#: MiB of the process that solves, by engine: for any model, and for each thousand displacements of the part that is solved
+MEMORY = {"calculix": (137.0, 2.5), "newton": (165.0, 10.5)}
 #: share of the full device that is solved
 PART = {"full": 1.0, "front_back": 0.5, "quarter": 0.25}
 #: iterations of fit and hold; iterations a kPa of the ramp with no pouches, what each pouch takes off, and the least
@@ -41,6 +43,12 @@ def prior_seconds(case: Mapping[str, Any]) -> float:
     per_kpa = max(PER_KPA - PER_POUCH * case["n_pouches"], LEAST_PER_KPA)
     iterations = STILL + per_kpa * case["actuation_pressure_max"]
     return iterations * SECONDS_PER_ITERATION * size**GROWTH * SHARE[case["engine"]]
+
+
+def memory_mib(case: Case) -> float:
+    """Peak memory (MiB) of solving a case, as measured of newton and of CalculiX's tuned build; a stock one takes less."""
+    fixed, per_thousand = MEMORY[case.engine]
+    return fixed + per_thousand * case.mesh_level.degrees_of_freedom * PART[case.mesh.symmetry] / 1000
 
 
 def _place(case: Mapping[str, Any]) -> list[float]:

@@ -18,12 +18,13 @@ from limo.case import Case, cross_checks, study_axes, study_cases
 from limo.config import Loaded, Study
 from limo.efficiency import efficiency_at_stroke, io_ratio
 from limo.errors import ResultError
-from limo.files import UNREADABLE, read_json
+from limo.files import CONVENTIONS, UNREADABLE, read_json
 from limo.judge import USABLE
 from limo.measures import gather_measures
 from limo.solution import ramp_of
 
 STROKE_FOR_EFFICIENCY = 90.0  # ml, physiological stroke volume (paper, Afterload sensitivity)
+PAPER = "Lauber, Arfaee, Peirlinck: The mechanics of the Less In More Out artificial heart"
 STATUSES = ("converged", "degraded", "diverged", "timed_out", "crashed", "missing")
 CASE_DIMS = ("n_pouches", "ventricular_pressure", "aspect_ratio", "stiffness_ratio", "width_scale", "variant", "branch")
 CURVE_DIMS = (*CASE_DIMS, "actuation_pressure")
@@ -53,6 +54,13 @@ VARIABLES = {
     "python_time": Variable(CASE_DIMS, "s", "CPU time of deck, volumes and files"),
     "iterations": Variable(CASE_DIMS, "1", "Newton iterations, rejected attempts included"),
     "solver_memory": Variable(CASE_DIMS, "MiB", "peak resident memory of the solver"),
+}
+TEXTS = {
+    "case_id": "name of the case that these results are from",
+    "case_status": "how the solve ended, as far as the study's P_a,max",
+    "case_reason": "why the case did not converge, or what is doubtful about it",
+    "efficiency_90ml_reason": "why there is no efficiency at a stroke of 90 ml",
+    "solver_build": "which executable or library solved the case",
 }
 CHECKS = {
     "check_stroke_volume": Variable(CURVE_DIMS, "ml", "stroke volume of the other engine"),
@@ -135,10 +143,7 @@ def gather_study(loaded: Loaded, name: str, case_folder: Path, sources: Sequence
     coords = study_axes(loaded, name)
     shape = tuple(len(v) for v in coords.values())
     data = {n: np.full(shape + ((len(pressures),) if v.dims == CURVE_DIMS else ()), np.nan) for n, v in VARIABLES.items()}
-    text = {
-        n: np.full(shape, "", dtype=object)
-        for n in ("case_id", "case_status", "case_reason", "efficiency_90ml_reason", "solver_build")
-    }
+    text = {n: np.full(shape, "", dtype=object) for n in TEXTS}
     for key, case in cases.items():
         index = tuple(coords[d].index(k) for d, k in zip(CASE_DIMS, key, strict=True))
         status, values = _read_case(case, case_folder / source[key], pressures)
@@ -159,7 +164,7 @@ def gather_study(loaded: Loaded, name: str, case_folder: Path, sources: Sequence
             n: (VARIABLES[n].dims, values, {"units": VARIABLES[n].units, "long_name": VARIABLES[n].long_name})
             for n, values in data.items()
         }
-        | {n: (CASE_DIMS, values.astype(str), {"long_name": n.replace("_", " ")}) for n, values in text.items()},
+        | {n: (CASE_DIMS, values.astype(str), {"long_name": TEXTS[n]}) for n, values in text.items()},
         coords=coords | {"actuation_pressure": pressures},
         attrs=_attributes(loaded, name),
     )
@@ -168,9 +173,15 @@ def gather_study(loaded: Loaded, name: str, case_folder: Path, sources: Sequence
     if study.measures:
         measured = gather_measures(loaded, name, cases, coords, case_folder, source)
         dataset = dataset.merge(measured).assign_attrs(measured.attrs)
-    for coordinate, (units, long_name) in COORDINATES.items():
-        dataset[coordinate].attrs = {"units": units, "long_name": long_name}
-    return on_axes(dataset, study)
+    return on_axes(describe_axes(dataset), study)
+
+
+def describe_axes(dataset: xr.Dataset) -> xr.Dataset:
+    """The same with units and names on the axes of a grid of cases and of curves."""
+    for coordinate in (c for c in COORDINATES if c in dataset.coords):
+        units, long_name = COORDINATES[coordinate]
+        dataset[coordinate].attrs = {"long_name": long_name} | ({"units": units} if units else {})
+    return dataset
 
 
 def on_axes(dataset: xr.Dataset, study: Study) -> xr.Dataset:
@@ -237,7 +248,8 @@ def _attributes(loaded: Loaded, name: str) -> dict[str, str]:
     study = loaded.studies[name]
     return {
         "title": f"{name}: {study.description}" if study.description else name,
-        "Conventions": "CF-1.11",
+        "Conventions": CONVENTIONS,
+        "references": PAPER,
         "source": f"displacements of a Less In More Out device by the engine {' and '.join(loaded.engines_of(study))}",
         "study": name,
         "config": json.dumps(loaded.content(name), sort_keys=True),

@@ -45,8 +45,11 @@ def draw_studies(config_file: str, studies: Sequence[str], results: Path, kind: 
 def draw_study(loaded: Loaded, name: str, results: Path, meshes: bool = False):
     """One panel for each flat pattern of a study."""
     cases: dict[str, Case] = {}
-    for case in study_cases(loaded, name).values():
+    variants: dict[str, list[str]] = {}
+    for (*_, variant, _branch), case in study_cases(loaded, name).items():
         cases.setdefault(case.mesh_id, case)
+        variants.setdefault(case.mesh_id, []).append(variant)
+    told_apart = len({tuple(dict.fromkeys(named)) for named in variants.values()}) > 1
     rows = -(-len(cases) // _ROW)
     columns = min(len(cases), _ROW)
     style.plt.rcParams.update(style.SETTINGS)
@@ -65,6 +68,7 @@ def draw_study(loaded: Loaded, name: str, results: Path, meshes: bool = False):
     for axis, case in zip(axes.flat, cases.values(), strict=False):
         pattern = flat_pattern(case.device.pattern, case.n_pouches)
         title = f"$N_p$ = {case.n_pouches}" + (f", width {case.device.pattern.width_scale:g}" if scaled else "")
+        title += f", {', '.join(dict.fromkeys(variants[case.mesh_id]))}" * told_apart
         if meshes:
             mesh = _mesh(case, results)
             _draw_mesh(axis, mesh)

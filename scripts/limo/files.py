@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
+#: conventions that names, units and attributes of datasets keep
+CONVENTIONS = "CF-1.11"
 #: what opening a damaged netCDF file and taking what should be in it may raise
 UNREADABLE = (OSError, ValueError, KeyError, AttributeError, RuntimeError)
 
@@ -61,10 +63,28 @@ def is_whole(path: Path, stamp: dict[str, Any], written: float) -> bool:
         return False
 
 
-def write_netcdf(dataset: xr.Dataset, path: Path) -> None:
-    """Write a dataset as a whole, every number under a checksum that readers verify."""
-    checked = {n: {"fletcher32": True} for n, v in dataset.variables.items() if v.dtype.kind in "fi" and v.ndim and v.size}
-    write_whole(path, lambda aside: dataset.to_netcdf(aside, encoding=checked))
+def write_netcdf(
+    dataset: xr.Dataset, path: Path, packed: Mapping[str, Mapping[str, Any]] | None = None, *, checked: bool = True
+) -> None:
+    """Write a dataset as a whole, as netCDF-4 of the simplest kind and by the CF conventions.
+
+    Texts are arrays of UTF-8 characters, which every reader of netCDF knows; strings of any length are newer than some.
+    ``packed``: how variables are stored, by their names. ``checked``: every array of numbers is under a checksum that readers
+    verify, some kB each.
+    """
+    encoding: dict[str, dict[str, Any]] = {}
+    for name, variable in dataset.variables.items():
+        stored = dict((packed or {}).get(name, {}))
+        if variable.dtype.kind in "UO":
+            stored["dtype"] = "S1"
+        elif checked and variable.dtype.kind in "fi" and variable.ndim and variable.size:
+            stored["fletcher32"] = True
+        if name in dataset.dims:  # an axis has no gaps
+            stored["_FillValue"] = None
+        if stored:
+            encoding[name] = stored
+    dataset = dataset.assign_attrs({"Conventions": CONVENTIONS} | dataset.attrs)
+    write_whole(path, lambda aside: dataset.to_netcdf(aside, encoding=encoding))
 
 
 def read_json(path: Path) -> dict[str, Any]:

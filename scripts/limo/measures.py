@@ -24,7 +24,7 @@ from limo.contact import endo_through_epi, first_contact, front_through_back
 from limo.equilibrium import residual
 from limo.errors import LimoError, ResultError
 from limo.fatigue import ENDURANCE, FLAGS, cycles_to_failure, largest_amplitude
-from limo.files import UNREADABLE, write_whole
+from limo.files import UNREADABLE, write_netcdf
 from limo.layer import SIDES, flat_areas, flat_points, inside_out, layer_state, surface_points
 from limo.mesh import read_mesh
 from limo.model import Model, build_model
@@ -91,7 +91,13 @@ MEASURES = {
     "contact_endo_epi_clear": Measure((), "kPa", "highest P_a of a frame before endocardium and epicardium would cross"),
     "contact_endo_epi": Measure((), "kPa", "lowest P_a of a frame in which endocardium and epicardium cross"),
 }
-_LABELS = {"zone": list(ZONES), "side": list(DEVICE_SIDES), "event": list(range(MOST_EVENTS))}
+FRAME = "pressure of a frame as the study writes it, in kPa where it is a number"
+SIDE = {"long_name": "side of the device's wall, endocardial towards the ventricle"}
+_LABELS = {
+    "zone": ("zone", list(ZONES), {"long_name": "zone of the fabric"}),
+    "side": ("side", list(DEVICE_SIDES), SIDE),
+    "event": ("event", list(range(MOST_EVENTS)), {"long_name": "buckling event, from 0 in rising order of P_a"}),
+}
 
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -169,7 +175,7 @@ def measure_case(case: Case, wanted: Wanted, fatigue: Fatigue, mesh_file: Path, 
     if "fatigue" in wanted.outputs:
         measured.attrs["fatigue"] = fatigue.model_dump_json()
     packed = {n: {"zlib": True} for n, v in measured.variables.items() if v.dtype.kind == "f" and v.size > 1000}
-    write_whole(folder / "measures.nc", lambda path: measured.to_netcdf(path, encoding=packed))
+    write_netcdf(measured, folder / "measures.nc", packed, checked=False)
     return measured
 
 
@@ -181,8 +187,9 @@ def _measure(model: Model, frames: CaseFrames, wanted: Wanted, fatigue: Fatigue,
     near_seam = np.minimum(away["seam"], away["outer_edge"]) <= near
     outputs = wanted.outputs
     areas = flat_areas(mesh)
+    sizes = {"frame": len(asked)} | {d: len(v) for d, (_, v, _) in _LABELS.items()}
     data = {
-        n: (m.per, np.full([len(asked) if d == "frame" else len(_LABELS[d]) for d in m.per], np.nan if m.units else "", object))
+        n: (m.per, np.full([sizes[d] for d in m.per], np.nan if m.units else "", object))
         for n, m in MEASURES.items()
         if not m.output or m.output in outputs
     }
@@ -368,7 +375,7 @@ def gather_measures(
     labels = [f if isinstance(f, str) else f"{f:g}" for f in (*study.frames, *study.fields_at)]
     entries = dict(zip(labels, (*study.frames, *study.fields_at), strict=True))
     shape, dims = tuple(len(v) for v in coords.values()), tuple(coords)
-    sizes = {"frame": len(entries)} | {d: len(v) for d, v in _LABELS.items()}
+    sizes = {"frame": len(entries)} | {d: len(v) for d, (_, v, _) in _LABELS.items()}
     chosen = {n: m for n, m in MEASURES.items() if not m.output or m.output in study.measures}
     data = {
         n: np.full(shape + tuple(sizes[d] for d in m.per), np.nan if m.units else "", float if m.units else object)
@@ -398,7 +405,7 @@ def gather_measures(
     described["measure_reason"] = (dims, reason.astype(str), {"long_name": "why a case could not be measured"})
     labels_used = {d: v for d, v in _LABELS.items() if any(d in m.per for m in chosen.values())}
     dataset = xr.Dataset(described, coords=coords | labels_used | {"frame": list(entries)})
-    dataset.frame.attrs["long_name"] = "pressure of a frame as the study writes it, in kPa where it is a number"
+    dataset.frame.attrs["long_name"] = FRAME
     if "fatigue" in study.measures:
         dataset.attrs["fatigue"] = loaded.config.fatigue.model_dump_json()
     return dataset

@@ -19,12 +19,12 @@ from limo.buckling import events
 from limo.case import Case, study_cases
 from limo.config import Loaded, Study
 from limo.contact import front_through_back
-from limo.dataset import CASE_DIMS, on_axes
+from limo.dataset import CASE_DIMS, describe_axes, on_axes
 from limo.errors import LimoError, ResultError
 from limo.figures import items_of
-from limo.files import read_json
+from limo.files import read_json, write_netcdf
 from limo.layer import inside_out, layer_state, nodal, surface_points
-from limo.measures import CaseFrames, open_case
+from limo.measures import FRAME, SIDE, CaseFrames, open_case
 from limo.mesh import DeviceMesh
 from limo.model import Model
 from limo.solution import read_ramp
@@ -32,6 +32,7 @@ from limo.strain import DEVICE_SIDES, streamlines
 from limo.stress import von_mises_map
 from limo.zones import distances
 
+MESH = {"long_name": "name of a mesh, of its file in results/meshes"}
 _LEVELS = 32000  # steps of a packed variable on either side of zero
 
 
@@ -126,14 +127,15 @@ def gather_shapes(
         "device_length": (dims, length, {"units": "mm", "long_name": "length of the device, L"}),
         "shape_reason": (dims, reason.astype(str), {"long_name": "why a case has no shapes"}),
     }
-    coords = grid | {"frame": list(entries), "axis": ["x", "y", "z"], "plane": ["x", "y"], "mesh_id": ("mesh", list(meshes))}
+    coords = grid | {"frame": ("frame", list(entries), {"long_name": FRAME}), "mesh_id": ("mesh", list(meshes), MESH)}
+    coords |= {"axis": ["x", "y", "z"], "plane": ["x", "y"]}
     if "lines" in items:
-        coords["side"] = list(DEVICE_SIDES)
+        coords["side"] = ("side", list(DEVICE_SIDES), SIDE)
     attributes = {"title": f"{name}: surfaces that its figures draw", "study": name, "items": " ".join(items)}
     dataset = xr.Dataset(
         variables, coords=coords, attrs=attributes | {"config": json.dumps(loaded.content(name), sort_keys=True)}
     )
-    return on_axes(dataset, study)
+    return on_axes(describe_axes(dataset), study)
 
 
 def write_shapes(dataset: xr.Dataset, path: Path) -> None:
@@ -146,7 +148,7 @@ def write_shapes(dataset: xr.Dataset, path: Path) -> None:
             encoding[name] = {"dtype": "int16", "scale_factor": scale, "_FillValue": -32768}
         if values.size > 1000 and values.dtype.kind in "fiu":
             encoding[name] = encoding.get(name, {}) | {"zlib": True, "shuffle": True, "complevel": 9}
-    dataset.to_netcdf(path, encoding=encoding)
+    write_netcdf(dataset, path, encoding, checked=False)
 
 
 def _attributes(name: str) -> dict[str, str]:

@@ -11,7 +11,7 @@ import xarray as xr
 
 from limo.case import study_cases
 from limo.config import load_config
-from limo.cost import duration, plan_costs, schedule
+from limo.cost import duration, memory_mib, plan_costs, schedule
 from limo.dataset import COORDINATES
 from limo.engines.find import find_engines
 from limo.errors import ResultError
@@ -34,7 +34,8 @@ SYMBOLS = {
 def plan_table(config_file: str, names: Sequence[str], results: Path, cores: int) -> str:
     """One line a study (none named: all): its cases, those solved or served by others, and the CPU time of the rest.
 
-    The last line is about all of them together: cases that they share are solved once, the longest first on ``cores``.
+    The last line is about all of them together: cases that they share are solved once, the longest first on ``cores``; the
+    memory is that of the largest.
     Raises ``ConfigError`` for a mistake in the configuration or a study that it does not have.
     """
     loaded = load_config(config_file)
@@ -59,10 +60,13 @@ def plan_table(config_file: str, names: Sequence[str], results: Path, cores: int
         lines.append(f"  {name}: {', '.join(parts)}" + ("  (default)" if name in loaded.config.studies else ""))
     left = together & plan.to_solve
     wall = duration(schedule((costs[c] for c in left), max(cores // loaded.config.solver.threads, 1)))
-    lines.append(
-        f"  together {len(together)} distinct cases, {len(left)} to solve"
-        + (f" in {duration(sum(costs[c] for c in left))} of CPU time, about {wall} on {cores} cores" if left else "")
-    )
+    total = f"  together {len(together)} distinct cases, {len(left)} to solve"
+    if left:
+        largest = max(memory_mib(plan.cases[c]) for c in left)
+        total += (
+            f" in {duration(sum(costs[c] for c in left))} of CPU time, about {wall} on {cores} cores, {largest:.0f} MiB a case"
+        )
+    lines.append(total)
     return "\n".join(lines)
 
 

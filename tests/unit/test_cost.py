@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
+import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from limo.case import describe
 from limo.config import Mesh, MeshLevel
-from limo.cost import duration, predict, prior_seconds, ranks, schedule
+from limo.cost import duration, memory_mib, predict, prior_seconds, ranks, schedule
 from limo.plan import Solved
 
 
@@ -90,3 +91,13 @@ def test_longest_first_lets_two_cores_finish_together():
 
 def test_durations_are_for_people():
     assert [duration(s) for s in (0, 41.3, 1370, 19800)] == ["0 s", "41 s", "23 min", "5.5 h"]
+
+
+def test_memory_is_that_of_the_runs_that_were_measured(loaded, make_case, root):
+    rows = pd.read_csv(root / "docs/data/performance.csv")
+    rows = rows[(rows.build != "stock") & rows.level.isin(["preview", "paper", "coarse"])].dropna(subset="memory_mib")
+    assert len(rows) > 20
+    for row in rows.itertuples():
+        mesh = Mesh(level=row.level, symmetry=row.symmetry, element="C3D20R")
+        case = make_case(engine=row.engine, mesh=mesh, mesh_level=loaded.config.mesh_levels[row.level])
+        assert memory_mib(case) == pytest.approx(row.memory_mib, rel=0.25), row

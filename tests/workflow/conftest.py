@@ -157,3 +157,32 @@ def solved(tmp_path_factory: pytest.TempPathFactory) -> Project:
     done = project.snakemake()
     assert done.returncode == 0, done.stdout + done.stderr
     return project
+
+
+@pytest.fixture(scope="session")
+def everything(tmp_path_factory: pytest.TempPathFactory) -> Project:
+    """Every kind of result that there is, from one tiny device by the engine newton, one square airbag and a tensile test."""
+    project = make_project(tmp_path_factory.mktemp("everything"))
+    project.study(
+        "tiny",
+        axes={"n_pouches": [4], "ventricular_pressure": [3.8], "width_scale": [0.9]},
+        engine="newton",
+        variants={"plain": {}},
+        branches=2,
+        cross_check=1,
+        outputs=["volumes", "contact", "stress", "strain", "fatigue", "fields"],
+        frames=[0.0, 5.0, "max"],
+        figures=["pressure_volume", "von_mises", "cycles", "strain_paths", "buckling"],
+    )
+    airbags = project.folder / "config" / "airbags"
+    airbag = yaml.safe_load((airbags / "classical.yaml").read_text())
+    shutil.rmtree(airbags)
+    airbags.mkdir()
+    series = [{"element": "C3D20R", "engine": "newton", "divisions": [4], "path": [100, 10]}]
+    (airbags / "classical.yaml").write_text(yaml.safe_dump(airbag | {"series": series}))
+    plan = project.plan()
+    files = [f"results/studies/tiny/{file}" for file in ("study.nc", "study.csv", "shapes.nc")]
+    files += [f"results/cases/{case_id}/fields" for case_id in plan.of_study("tiny")]
+    done = project.snakemake(*files, "material", "results/airbags/classical/airbag.nc")
+    assert done.returncode == 0, done.stdout + done.stderr
+    return project

@@ -1,0 +1,162 @@
+"""``docs/results.md`` against every kind of file that a sweep really makes, and those against plain netCDF-4 and CF."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import meshio
+import netCDF4
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+
+from limo.dataset import CASE_DIMS
+
+from .conftest import ROOT
+
+DOCUMENT = ROOT / "docs" / "results.md"
+#: sections of the document and the netCDF files that they describe
+DATASETS = {
+    "study.nc": "studies/*/study.nc",
+    "shapes.nc": "studies/*/shapes.nc",
+    "volumes.nc": "cases/*/volumes.nc",
+    "frames.nc": "cases/*/frames.nc",
+    "measures.nc": "cases/*/measures.nc",
+    "airbag.nc": "airbags/*/airbag.nc",
+    "tensile_test.nc": "material/tensile_test.nc",
+}
+#: what a file has only where a device snapped, which the tiny one does not
+ONLY_AFTER_A_SNAP = {"measures.nc": {"buckling_difference"}}
+
+
+def section(name: str) -> str:
+    """The part of the document about one file."""
+    parts = re.split(r"^## ", DOCUMENT.read_text(encoding="utf-8"), flags=re.MULTILINE)
+    found = [part for part in parts if part.startswith(f"`{name}`")]
+    assert found, f"{DOCUMENT.name} has no section `{name}`"
+    return found[0]
+
+
+def table(name: str) -> dict[str, tuple[str, ...]]:
+    """The rows of a section's table by their first cell, without the backticks."""
+    lines = re.findall(r"^\| `([^`]+)` \|(.*)\|$", section(name), flags=re.MULTILINE)
+    return {key: tuple(cell.strip() for cell in rest.split("|")) for key, rest in lines}
+
+
+def rows(file: Path) -> dict[str, tuple[str, ...]]:
+    """Dimensions, unit and meaning of every variable of a dataset, as netCDF itself has them.
+
+    The dimensions of a case are called ``case`` together; the length of a text is none.
+    """
+    found = {}
+    with netCDF4.Dataset(file) as data:
+        for name, variable in data.variables.items():
+            is_text = variable.dtype == "S1"
+            dims = list(variable.dimensions[: -1 if is_text else None])
+            if set(CASE_DIMS) <= set(dims):
+                dims = ["case", *(d for d in dims if d not in CASE_DIMS)]
+            given = {a: variable.getncattr(a) for a in variable.ncattrs()}
+            meaning = given.get("long_name", "")
+            if "flag_meanings" in given:
+                values = np.atleast_1d(given["flag_values"])
+                pairs = zip(values, given["flag_meanings"].split(), strict=True)
+                meaning += f" ({', '.join(f'{value} {word}' for value, word in pairs)})"
+            found[name] = (", ".join(dims), "text" if is_text else given.get("units", ""), meaning)
+    return found
+
+
+def files(everything, pattern: str) -> list[Path]:
+    found = sorted((everything.folder / "results").glob(pattern))
+    assert found, pattern
+    return found
+
+
+def keys(data: dict, depth: int, before: str = "") -> set[str]:
+    """Keys of a JSON object joined by dots, down to ``depth`` levels; those of the objects in a list once."""
+    found = set()
+    for key, value in data.items():
+        inner = value[0] if isinstance(value, list) and value and isinstance(value[0], dict) else value
+        name = f"{before}{key}" + "[]" * (inner is not value)
+        found |= keys(inner, depth - 1, f"{name}.") if isinstance(inner, dict) and inner and depth > 1 else {name}
+    return found
+
+
+@pytest.mark.parametrize("name", DATASETS)
+def test_every_variable_of_a_dataset_is_documented_as_it_is(everything, name):
+    documented, found = table(name), {}
+    for file in files(everything, DATASETS[name]):
+        found |= rows(file)
+    missing = [f"| `{key}` | {' | '.join(row)} |" for key, row in found.items() if documented.get(key) != row]
+    assert not missing, f"rows for {DOCUMENT.name}, `{name}`:\n" + "\n".join(missing)
+    assert set(documented) - set(found) <= ONLY_AFTER_A_SNAP.get(name, set())
+
+
+@pytest.mark.parametrize("name", DATASETS)
+def test_every_attribute_of_a_dataset_is_documented(everything, name):
+    documented = re.findall(r"^Attributes: (.*)$", section(name), flags=re.MULTILINE)
+    listed = set(re.findall(r"`(\w+)`", documented[0]))
+    found = set()
+    for file in files(everything, DATASETS[name]):
+        with netCDF4.Dataset(file) as data:
+            found |= set(data.ncattrs())
+    assert found == listed
+
+
+def test_every_key_of_a_status_and_of_a_case_is_documented(everything):
+    for name, depth in (("status.json", 2), ("case.json", 2)):
+        found = set()
+        for file in files(everything, f"cases/*/{name}"):
+            data = json.loads(file.read_text(encoding="utf-8"))
+            found |= keys({k: v if k != "files" else "" for k, v in data.items()}, depth)
+        documented = set(table(name))
+        assert found <= documented, f"not documented: {sorted(found - documented)}"
+        # a stock build of the solver has not what a tuned one says of itself
+        assert all(key.startswith("solver.") for key in documented - found), sorted(documented - found)
+
+
+def test_every_column_of_a_table_is_a_documented_variable(everything):
+    documented = table("study.nc")
+    (file,) = files(everything, "studies/tiny/study.csv")
+    columns = pd.read_csv(file, nrows=0).columns
+    assert len(columns) > 60
+    for column in columns:
+        name, _, unit = column.removesuffix("]").partition(" [")
+        name = name.split(" ")[0]
+        assert name in documented, column
+        assert documented[name][1] in (unit, "text"), column
+
+
+def test_every_field_for_paraview_is_documented(everything):
+    for name, pattern in (("fields/*.vtu", "cases/*/fields/*.vtu"), ("meshes/*.vtu", "meshes/*.vtu")):
+        found = set()
+        for file in files(everything, pattern):
+            mesh = meshio.read(file)
+            found |= {re.sub(r"pouch\d+", "pouch<k>", n) for n in (*mesh.point_data, *mesh.cell_data)}
+        assert found == set(table(name)), name
+
+
+@pytest.mark.parametrize("name", DATASETS)
+def test_datasets_are_plain_netcdf_with_the_attributes_of_cf(everything, name):
+    for file in files(everything, DATASETS[name]):
+        with netCDF4.Dataset(file) as data:
+            assert data.data_model == "NETCDF4"
+            found = {**data.groups, **data.cmptypes, **data.vltypes, **data.enumtypes}
+            assert not found, "one flat file of simple types"
+            assert data.Conventions == "CF-1.11"
+            for key, variable in data.variables.items():
+                assert isinstance(variable.dtype, np.dtype), f"{file.name}, {key}: a string of any length"
+                assert variable.dtype.kind in "Sif", (key, variable.dtype)
+                assert re.fullmatch(r"[A-Za-z]\w*", key)
+                given = variable.ncattrs()
+                if variable.dtype.kind == "f":
+                    # velocities and accelerations share one array
+                    assert "units" in given or key == "motion", f"{file.name}, {key}"
+                if variable.dtype.kind != "S":
+                    assert "long_name" in given, f"{file.name}, {key}"
+                if key in data.dimensions:
+                    assert "_FillValue" not in given, f"{file.name}, {key}: an axis has no gaps"
+        with xr.open_dataset(file) as dataset:
+            assert dataset.sizes
