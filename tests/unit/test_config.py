@@ -204,7 +204,7 @@ def test_mistake_is_one_message_with_file_key_value_expectation_and_example(fold
 
 # keys whose mistake has no example of its own: unknown keys, rules between keys, and curves that must fit each other
 WITHOUT_EXAMPLE = {
-    *("colour", "thread", "dampening", "size", "patern", "aspect", "pouches", "n_pouch"),
+    *("colour", "thread", "dampening", "size", "patern", "aspect", "pouches", "n_pouch", "accuracy"),
     *("mesh", "fit", "damping", "flat_half_width_over_length", "measured", "outline", "fractions"),
 }
 HEALABLE = [m for m in MISTAKES if m[2] is not DELETE and m[1][-1] not in WITHOUT_EXAMPLE]
