@@ -13,12 +13,12 @@ import pandas as pd
 import xarray as xr
 
 from limo.config import Airbag, load_config
-from limo.device_errors import read_errors
+from limo.device_errors import exponent, read_errors
 from limo.device_report import device_report
 from limo.errors import ResultError
 from limo.figures import DEVICE_FIGURES
 from limo.files import write_whole
-from limo.performance import markdown_table
+from limo.markdown import markdown_table, number, read_rows, signed_percent
 
 #: columns that name a run of an airbag
 AIRBAG_KEYS = ["airbag", "series", "element", "engine", "planes", "path", "divisions"]
@@ -65,22 +65,13 @@ def _airbag_rows(file: Path) -> pd.DataFrame:
 
 def read_airbags(file: Path) -> pd.DataFrame:
     """The rows that ``keep_airbags`` wrote. Raises ``ResultError``."""
-    try:
-        rows = pd.read_csv(file, dtype={"path": str, "reason": object})
-    except (OSError, ValueError) as error:
-        raise ResultError(f"{file}: not a table of airbags ({error})") from None
-    if missing := [c for c in AIRBAG_KEYS if c not in rows]:
-        raise ResultError(f"{file}: no columns {', '.join(missing)}")
+    rows = read_rows(file, "airbags", AIRBAG_KEYS, dtype={"path": str, "reason": object})
     return rows.fillna({"reason": ""})
 
 
 def observed_order(divisions: np.ndarray, values: np.ndarray, limit: float) -> float:
     """p of |value - limit| ~ n^-p by least squares in logarithms; NaN of fewer than three errors."""
-    error = np.abs(np.asarray(values, float) - limit)
-    use = np.isfinite(error) & (error > 0)
-    if use.sum() < 3:
-        return float("nan")
-    return float(-np.polyfit(np.log(np.asarray(divisions, float)[use]), np.log(error[use]), 1)[0])
+    return -exponent(divisions, np.abs(np.asarray(values, float) - limit))[0]
 
 
 def finest_limit(rows: pd.DataFrame, planes: str) -> float:
@@ -130,13 +121,13 @@ def airbag_report(rows: pd.DataFrame, airbags: dict[str, Airbag]) -> str:
         if np.isfinite(height):
             density = f"with as many elements as the published mesh has (n = {n}) and " if n else ""
             parts += [
-                f"Against published values (`config/airbags/{name}.yaml`), {density}on the finest mesh: w_M = {_number(height)} "
-                f"mm and u_B = {_number(published_draw_in(airbag))} mm. The published draw-in is that of the middle of an edge: "
+                f"Against published values (`config/airbags/{name}.yaml`), {density}on the finest mesh: w_M = {number(height)} "
+                f"mm and u_B = {number(published_draw_in(airbag))} mm. The published draw-in is that of the middle of an edge: "
                 "the diagonal is taut, so the corner cannot move in that far while the centre rises.",
                 markdown_table(_against_published(of, airbag)),
             ]
         planes = sorted(of.planes.unique())
-        limits = ", ".join(f"{_number(finest_limit(of, p))} mm with {p} planes" for p in planes)
+        limits = ", ".join(f"{number(finest_limit(of, p))} mm with {p} planes" for p in planes)
         parts += [
             f"Convergence towards the bricks of engine newton on their finest mesh, {limits}:",
             markdown_table(_convergence(of)),
@@ -155,7 +146,9 @@ def _against_published(rows: pd.DataFrame, airbag: Airbag) -> pd.DataFrame:
     for series, of in good.groupby("series", sort=False):
         for _, row in of[of.divisions.isin([n, of.divisions.max()])].iterrows():
             errors = {f"{name} within {WITHIN[key]:.0%}": (row[key] / value - 1, WITHIN[key]) for name, key, value in asked}
-            verdicts = {k: f"{_percent(e)}, {'met' if abs(e) <= most else '**not met**'}" for k, (e, most) in errors.items()}
+            verdicts = {
+                k: f"{signed_percent(e)}, {'met' if abs(e) <= most else '**not met**'}" for k, (e, most) in errors.items()
+            }
             table.append({"series": series, "n": row.divisions, **verdicts})
     return pd.DataFrame(table)
 
@@ -173,9 +166,9 @@ def _convergence(rows: pd.DataFrame) -> pd.DataFrame:
                 "planes": of.planes.iloc[0],
                 "converged": f"{len(good)} of {len(of)}",
                 "finest n": finest.divisions,
-                "w_M [mm]": _number(finest.height),
-                "off the limit": _percent(finest.height / limit - 1),
-                "order of w_M": _number(observed_order(good.divisions, good.height, limit)),
+                "w_M [mm]": number(finest.height),
+                "off the limit": signed_percent(finest.height / limit - 1),
+                "order of w_M": number(observed_order(good.divisions, good.height, limit)),
                 "CPU of all [s]": round(of.cpu_seconds.sum()),
             }
         )
@@ -190,25 +183,17 @@ def _runs(rows: pd.DataFrame, height: float) -> pd.DataFrame:
         "n": rows.divisions,
         "dof": rows.degrees_of_freedom,
         "status": [f"{r.status}: {r.reason}" if r.reason else r.status for r in rows.itertuples()],
-        "w_M [mm]": rows.height.map(_number),
-        "off the published": (rows.height / height - 1).map(_percent),
-        "u_B [mm]": rows.edge_draw_in.map(_number),
-        "u_B smooth [mm]": rows.edge_draw_in_smooth.map(_number),
-        "u corner [mm]": rows.corner_draw_in.map(_number),
-        "stress at M [MPa]": [_number(value, 2) for value in rows.stress],
-        "CPU [s]": rows.cpu_seconds.map(_number),
-        "over the fastest": (rows.cpu_seconds / fastest).map(_number),
+        "w_M [mm]": rows.height.map(number),
+        "off the published": (rows.height / height - 1).map(signed_percent),
+        "u_B [mm]": rows.edge_draw_in.map(number),
+        "u_B smooth [mm]": rows.edge_draw_in_smooth.map(number),
+        "u corner [mm]": rows.corner_draw_in.map(number),
+        "stress at M [MPa]": [number(value, 2) for value in rows.stress],
+        "CPU [s]": rows.cpu_seconds.map(number),
+        "over the fastest": (rows.cpu_seconds / fastest).map(number),
         "iterations": rows.iterations,
         "memory [MiB]": rows.memory.round().astype(int),
     }
     if not np.isfinite(height):
         del columns["off the published"]
     return pd.DataFrame(columns)
-
-
-def _number(value: float, digits: int = 1) -> str:
-    return f"{value:.{digits}f}" if np.isfinite(value) else "-"
-
-
-def _percent(value: float) -> str:
-    return f"{value:+.1%}" if np.isfinite(value) else "-"

@@ -23,7 +23,7 @@ from limo.config import Loaded, Numerics
 from limo.elements import gauss, quad8_shape
 from limo.errors import LimoError, ResultError
 from limo.figures.surface import grid, mirrors
-from limo.files import UNREADABLE, read_json, write_whole
+from limo.files import UNREADABLE, read_json, write_netcdf
 from limo.measures import open_case
 from limo.mesh import degrees_of_freedom_of, read_mesh
 from limo.overhead import processor
@@ -477,14 +477,14 @@ def _row(loaded: Loaded, device: str, run: Run, kind: str, errors: dict[str, flo
 
 def write_errors(dataset: xr.Dataset, file: Path) -> None:
     """Write the kept dataset: compressed, numbers in single precision, coordinates of surfaces in steps of ``STEP``."""
-    encoding = {}
+    packed = {}
     for name, variable in dataset.variables.items():
         if name in ("cloud", "sections"):
-            encoding[name] = {"dtype": "int16", "scale_factor": STEP, "_FillValue": -32768, "zlib": True, "complevel": 9}
+            packed[name] = {"dtype": "int16", "scale_factor": STEP, "_FillValue": -32768, "zlib": True, "complevel": 9}
         elif variable.dtype.kind == "f":
-            packed = {"zlib": True, "complevel": 9} if variable.size > 1000 else {}
-            encoding[name] = {"dtype": "float32", "_FillValue": np.float32(np.nan)} | packed
-    write_whole(file, lambda path: dataset.to_netcdf(path, encoding=encoding))
+            squeezed = {"zlib": True, "complevel": 9} if variable.size > 1000 else {}
+            packed[name] = {"dtype": "float32", "_FillValue": np.float32(np.nan)} | squeezed
+    write_netcdf(dataset, file, packed, checked=False)
 
 
 def read_errors(file: Path) -> xr.Dataset:

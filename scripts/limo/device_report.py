@@ -11,7 +11,7 @@ import xarray as xr
 
 from limo.config import Preset
 from limo.device_errors import CURVES, exponent, rows_of, scaling_of, scatter_row, settings_of
-from limo.performance import markdown_table
+from limo.markdown import markdown_table, number, signed_percent
 
 NOT_MEASURED = "not measured"
 #: the paper's statement about its mesh: largest w / L and Chamfer distance to the finest mesh
@@ -89,11 +89,11 @@ def _settings(rows: pd.DataFrame) -> pd.DataFrame:
         }
         own = row._asdict()
         line |= {label: _error(own, column, rows if row.kind == "run" else None) for label, column in _COLUMNS.items()}
-        line["cycles [decades]"] = _number(own["error_cycles"], 2)
+        line["cycles [decades]"] = number(own["error_cycles"], 2)
         line["dissipated"] = _percent(row.dissipated_fraction)
-        line["CPU [s]"] = _number(row.cpu_seconds, 0)
-        line["iterations"] = _number(row.iterations, 0)
-        line["memory [MiB]"] = _number(row.memory_mib, 0)
+        line["CPU [s]"] = number(row.cpu_seconds, 0)
+        line["iterations"] = number(row.iterations, 0)
+        line["memory [MiB]"] = number(row.memory_mib, 0)
         table.append(line)
     return pd.DataFrame(table)
 
@@ -109,10 +109,10 @@ def _scaling(rows: pd.DataFrame) -> pd.DataFrame:
                 "engine": engine,
                 "runs": len(of),
                 "displacements": f"{size.min():.0f} to {size.max():.0f}",
-                "exponent of CPU time": _number(exponent(size, of.cpu_seconds)[0], 2),
-                "of an iteration": _number(exponent(size, of.seconds_per_iteration)[0], 2),
-                "of memory": _number(power, 2),
-                "extrapolated: displacements in 24 GiB": _number((MEMORY / factor) ** (1 / power) if power > 0 else np.nan, 0),
+                "exponent of CPU time": number(exponent(size, of.cpu_seconds)[0], 2),
+                "of an iteration": number(exponent(size, of.seconds_per_iteration)[0], 2),
+                "of memory": number(power, 2),
+                "extrapolated: displacements in 24 GiB": number((MEMORY / factor) ** (1 / power) if power > 0 else np.nan, 0),
             }
         )
     return pd.DataFrame(table)
@@ -171,10 +171,9 @@ def differences(dataset: xr.Dataset, run: int, other: int) -> dict[str, float]:
 
 def _compared(dataset: xr.Dataset, run: pd.Series, other: pd.Series) -> str:
     found = differences(dataset, run.name, other.name)
-    return (
-        f"volumes {_percent(found['volumes'])}, stroke {_signed(found['stroke'])}, stress {_signed(found['stress'])}, CPU time "
-        f"{_number(1 + found['cpu_seconds'], 2)} times"
-    )
+    stroke, stress = signed_percent(found["stroke"]), signed_percent(found["stress"])
+    times = number(1 + found["cpu_seconds"], 2)
+    return f"volumes {_percent(found['volumes'])}, stroke {stroke}, stress {stress}, CPU time {times} times"
 
 
 def _preview(rows: pd.DataFrame) -> str:
@@ -187,12 +186,17 @@ def _preview(rows: pd.DataFrame) -> str:
     )
 
 
-def _symmetry(dataset: xr.Dataset, rows: pd.DataFrame) -> str:
-    settings, lines = settings_of(rows), []
-    for _, run in settings[settings.varied == "symmetry"].iterrows():
+def _against_default(dataset: xr.Dataset, settings: pd.DataFrame, varied: str) -> list[str]:
+    """The runs that differ from the default of their engine in one column alone, each beside it."""
+    lines = []
+    for _, run in settings[settings.varied == varied].iterrows():
         if (base := _first(settings, varied="", engine=run.engine)) is not None:
-            lines.append(f"{run.symmetry} against {base.symmetry} with {run.engine}: {_compared(dataset, run, base)}")
-    return _with_scatter(lines, rows)
+            lines.append(f"{run[varied]} against {base[varied]} with {run.engine}: {_compared(dataset, run, base)}")
+    return lines
+
+
+def _symmetry(dataset: xr.Dataset, rows: pd.DataFrame) -> str:
+    return _with_scatter(_against_default(dataset, settings_of(rows), "symmetry"), rows)
 
 
 def _shells(dataset: xr.Dataset, rows: pd.DataFrame) -> str:
@@ -205,10 +209,7 @@ def _shells(dataset: xr.Dataset, rows: pd.DataFrame) -> str:
             lines.append(
                 f"S8R against bricks of the full device by {bricks.iloc[0].engine}: {_compared(dataset, reduced, bricks.iloc[0])}"
             )
-    for _, run in settings[settings.varied == "element"].iterrows():
-        if (base := _first(settings, varied="", engine=run.engine)) is not None:
-            lines.append(f"{run.element} against {base.element} with {run.engine}: {_compared(dataset, run, base)}")
-    return _with_scatter(lines, rows)
+    return _with_scatter([*lines, *_against_default(dataset, settings, "element")], rows)
 
 
 def _damping(dataset: xr.Dataset, rows: pd.DataFrame) -> str:
@@ -327,11 +328,3 @@ def _error(row: pd.Series | dict, column: str, rows: pd.DataFrame | None) -> str
 def _percent(value: float) -> str:
     """With two digits below a percent."""
     return f"{value:.{1 + (abs(value) < 0.01)}%}" if np.isfinite(value) else "-"
-
-
-def _signed(value: float) -> str:
-    return f"{value:+.1%}" if np.isfinite(value) else "-"
-
-
-def _number(value: float, digits: int) -> str:
-    return f"{value:.{digits}f}" if np.isfinite(value) else "-"

@@ -17,8 +17,9 @@ import pandas as pd
 import yaml
 
 from limo.config import load_config
-from limo.errors import LimoError, ResultError
+from limo.errors import LimoError
 from limo.files import write_whole
+from limo.markdown import read_rows
 from limo.plan import make_plan
 
 #: runs of which the median is kept
@@ -73,13 +74,7 @@ def read_overhead(file: Path) -> pd.DataFrame:
     """The rows that ``record_overhead`` wrote, none if there is no file. Raises ``ResultError``."""
     if not file.exists():
         return pd.DataFrame(columns=COLUMNS)
-    try:
-        rows = pd.read_csv(file)
-    except (OSError, ValueError) as error:
-        raise ResultError(f"{file}: not a table of measured times ({error})") from None
-    if missing := [c for c in COLUMNS if c not in rows]:
-        raise ResultError(f"{file}: no columns {', '.join(missing)}")
-    return rows
+    return read_rows(file, "measured times", COLUMNS)
 
 
 def processor() -> str:

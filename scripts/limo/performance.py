@@ -19,8 +19,9 @@ from limo.config import Loaded, load_config
 from limo.cost import schedule
 from limo.deck import stage_times
 from limo.engines.find import find_engines
-from limo.errors import LimoError, ResultError
+from limo.errors import LimoError
 from limo.files import read_json, write_whole
+from limo.markdown import markdown_table, number, read_rows, signed_percent
 from limo.overhead import NOTHING, PLANNING, processor
 from limo.plan import Plan, make_plan
 from limo.solution import ramp_of
@@ -112,13 +113,7 @@ def record_batch(config_file: str, batch: str, studies: list[str], results: Path
 
 def read_measurements(file: Path) -> pd.DataFrame:
     """The rows of a CSV file that ``record`` wrote. Raises ``ResultError``."""
-    try:
-        rows = pd.read_csv(file)
-    except (OSError, ValueError) as error:
-        raise ResultError(f"{file}: not a table of measurements ({error})") from None
-    if missing := [c for c in KEYS if c not in rows]:
-        raise ResultError(f"{file}: no columns {', '.join(missing)}")
-    return rows
+    return read_rows(file, "measurements", KEYS)
 
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -233,10 +228,10 @@ def _levers(rows: pd.DataFrame) -> pd.DataFrame:
                     "ramp": int(row.iterations_ramp),
                     "CPU [s]": round(row.cpu_seconds),
                     "share": f"{share:.2f}",
-                    "dissipated": _known(row.dissipated_fraction, "{:.1%}"),
-                    "V_v at rest [ml]": _known(row.rest_volume, "{:.1f}"),
-                    "stroke [ml]": _known(row.stroke, "{:.1f}"),
-                    "moved": _known(moved, "{:+.1%}"),
+                    "dissipated": "-" if pd.isna(row.dissipated_fraction) else f"{row.dissipated_fraction:.1%}",
+                    "V_v at rest [ml]": number(row.rest_volume),
+                    "stroke [ml]": number(row.stroke),
+                    "moved": signed_percent(moved),
                     "pays": pays,
                 }
             )
@@ -301,24 +296,8 @@ def _targets(rows: pd.DataFrame, overhead: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(table)
 
 
-def _known(value: float, form: str) -> str:
-    return form.format(value) if pd.notna(value) else "-"
-
-
 def _one(values: pd.Series) -> str:
     return ", ".join(sorted({str(v) for v in values}))
-
-
-def markdown_table(table: pd.DataFrame) -> str:
-    """A table as markdown; an empty one says that nothing was measured."""
-    if table.empty:
-        return "Not measured."
-    lines = [
-        list(map(str, table.columns)),
-        ["---"] * len(table.columns),
-        *([str(v) for v in row] for row in table.itertuples(index=False)),
-    ]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 
 def benchmark_table(results: Path) -> str:

@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from limo.errors import ResultError
+from limo.markdown import markdown_table
 
 RIGHT = ("converged", "degraded")
 #: residual of forces (1) beyond which the check that is independent of the judge says no
@@ -32,8 +33,7 @@ def _read(data: Path, name: str, **options) -> pd.DataFrame | None:
 
 
 def _table(header: tuple[str, ...], rows: list[tuple]) -> str:
-    lines = [f"| {' | '.join(header)} |", f"|{'---|' * len(header)}"]
-    return "\n".join([*lines, *(f"| {' | '.join(map(str, row))} |" for row in rows)])
+    return markdown_table(pd.DataFrame(rows, columns=list(header), dtype=object))
 
 
 def _share(part: int, whole: int) -> str:

@@ -82,15 +82,12 @@ def stress_cases(loaded: Loaded) -> dict[tuple[str, int, str], Case]:
                 mesh_level=loaded.config.mesh_levels[test.mesh.level],
                 numerics=loaded.config.numerics_presets[name],
                 numerics_name=name,
-                frames=tuple(round(f, 6) for f in (0.0, p_v, p_v + test.actuation_above / 2, p_v + test.actuation_above)),
+                frames=tuple(
+                    sorted({round(f, 6) for f in (0.0, p_v, p_v + test.actuation_above / 2, p_v + test.actuation_above)})
+                ),
             )
             for engine in test.engines:
                 numerics = first.numerics.for_engine(engine)
-                cases[box, k, engine] = replace(
-                    first,
-                    engine=engine,
-                    build=loaded.builds.get(engine, ""),
-                    numerics=numerics,
-                    frames=tuple(sorted({*first.frames})),
-                )
+                build = loaded.builds.get(engine, "")
+                cases[box, k, engine] = replace(first, engine=engine, build=build, numerics=numerics)
     return cases
