@@ -186,7 +186,7 @@ def _weakly_with_pressure(d: xr.Dataset) -> tuple[str, str]:
 
 
 def _outside_around(d: xr.Dataset) -> tuple[str, str]:
-    share = _each(d.direction_around.sel(frame="max", side="outside"))
+    share = _each(d.direction_around.sel(frame="max", side="epicardial"))
     text, verdict = counted(share > 0.5, "devices on most of the pouch area")
     return f"{text}; {_range(100 * share, '{:.0f}')} % of it", verdict
 

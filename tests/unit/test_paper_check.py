@@ -85,7 +85,7 @@ def data():
         direction_around=((*per, "side"), np.broadcast_to([0.8, 0.2], (*shape, 2))),
         direction_between=(per, np.full(shape, 80.0)),
         direction_between_at_seams=(per, np.full(shape, 20.0)),
-    ).assign_coords(frame=["0", "max"], side=["outside", "inside"])
+    ).assign_coords(frame=["0", "max"], side=["epicardial", "endocardial"])
     valves = grid(aspect_ratio=[1.0, 1.5, 2.0, 2.5, 3.0])
     along = (1, 1, 5, 1)
     valve = curve_set(valves, 100.0, 1.5, np.reshape([0.60, 0.61, 0.63, 0.66, 0.64], along))
