@@ -134,9 +134,13 @@ class Assembly:
         """Internal forces (n, 3) that the last tangent gives to displacements ``moved`` (n, 3), prescribed ones included."""
         return _multiply(self._blocks.reshape(-1, 20, len(PAIRS), 20), self.bricks, moved)
 
+    def volume_ratios(self, u: np.ndarray) -> np.ndarray:
+        """det F (m, g) at the integration points; none positive means elements turned inside out."""
+        return np.linalg.det(self._kinematics(u)[0])
+
     def smallest_volume(self, u: np.ndarray) -> float:
-        """Smallest det F of all integration points; none positive means elements turned inside out."""
-        return float(np.linalg.det(self._kinematics(u)[0]).min())
+        """Smallest det F of all integration points."""
+        return float(self.volume_ratios(u).min())
 
     def _kinematics(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """F and Grad u (m, g, 3, 3). The same array ``u`` again costs nothing, here and below."""

@@ -229,6 +229,16 @@ def test_devices_of_all_kinds_come_to_rest(case, changes):
     assert negative_pivots(model, u, model.case.ventricular_pressure, 2.0) == 0
 
 
+def test_steps_that_would_crush_elements_are_refused():
+    one = np.ones((2, 3))
+    assert newton._whole(one, 0.9 * one, 0.25)
+    assert not newton._whole(one, 0.69 * one, 1.0), "too little is left"
+    assert not newton._whole(one, 1.5 * one, 0.25), "too much at once"
+    assert newton._whole(1.5 * one, one, 0.25), "back to where it was is no harm"
+    assert newton._whole(0.6 * one, 0.6 * one, 0.25), "what is crushed already may stay"
+    assert not newton._whole(one, -one, np.inf), "turned inside out"
+
+
 def test_a_start_takes_the_place_of_the_fit(case):
     """Frames leave out the reference nodes."""
     model = device(case)

@@ -58,6 +58,18 @@ def test_a_path_is_carried_on_from_its_last_equilibrium(made, straight):
     assert np.abs(carried.displacements(-1) - straight.displacements(-1)).max() < 0.5
 
 
+def test_frames_between_steps_do_not_turn_the_path(made, straight):
+    case, mesh, _ = made
+    looked = newton.solve(build_model(with_(case, frames=(0.0, 2.5, 3.7, MAXIMUM)), mesh), Solver())
+    assert looked.status == "converged"
+    assert [p for p in looked.pressure if p not in straight.pressure] == [2.5, 3.7]
+    assert (np.diff(looked.pressure) >= 0).all(), "kept in the order of P_a"
+    for k, pressure in enumerate(straight.pressure[straight.stage == 2]):
+        (same,) = np.flatnonzero((looked.pressure == pressure) & (looked.stage == 2))
+        there = looked.displacements(same)
+        np.testing.assert_array_equal(there, straight.displacements(int(np.flatnonzero(straight.stage == 2)[k])))
+
+
 def test_a_failed_fit_is_not_carried_on(made):
     case, mesh, _ = made
     failed = newton.solve(build_model(impatient(case, 5), mesh), Solver())
@@ -88,7 +100,7 @@ def test_rungs_are_climbed_until_one_succeeds_and_all_are_on_record(made, straig
 def test_the_best_attempt_is_kept_where_none_succeeds(made, tmp_path):
     case, _, file = made
     rungs = [Rung(name="worse", multiply={"newton.iterations": 0.5})]
-    status = solve_case(impatient(case, 25), file, tmp_path, Solver(), None, Limits(), rungs)
+    status = solve_case(impatient(case, 12), file, tmp_path, Solver(), None, Limits(), rungs)
     first, second = status["attempts"]
     assert status["status"] == "diverged"
     assert not status["interrupted"]

@@ -7,10 +7,10 @@ At a frozen load the free displacements q follow
 with the consistent tangent K (follower pressures included), the mass matrix M and a shift sigma that pseudo-transient
 continuation moves between strong (small steps downhill, through a snap) and negligible (Newton's method near equilibrium):
 
-- a factorisation with a negative pivot, a step beyond ``rejected_step`` and one that turns elements inside out multiply sigma
-  and factorise again, so that every step goes downhill in energy and stays with bricks that can be;
-- a step is cut to ``largest_step``; after it sigma falls, and only where it has fallen all the way a state is accepted, so that
-  none is unstable;
+- a factorisation with a negative pivot, a step beyond ``rejected_step`` and one that would crush elements even when cut short
+  multiply sigma and factorise again, so that every step goes downhill in energy and stays with bricks that can be;
+- a step is cut to ``largest_step``; after it sigma falls, the faster the smaller the step was, and only where it has fallen all
+  the way a state is accepted, so that none is unstable; where it has to rise again, it begins near where it ended last time;
 - a factor is used again as long as the residual falls tenfold without a new one.
 
 No damping is left in the answer: a snap of the device is a jump at its load. Steps of some millimetres matter: with steps of
@@ -22,7 +22,7 @@ from __future__ import annotations
 import logging
 import resource
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -42,12 +42,18 @@ REUSED_WHILE = 0.1
 EASY = 4
 #: several load steps at once are no more than this share of P_a, so that soft beginnings are resolved
 EASY_SHARE = 0.2
+#: a step shorter than this share of the largest one is short
+SHORT_STEP = 0.1
+#: powers of ``shift_decay`` that the shift falls by after a step that was not refused, and after a short one
+QUICKLY, AT_ONCE = 2, 4
 #: forces count as load from this share of the internal ones and this value (N) on, for devices without pressure
 HELD_SHARE, SMALLEST_FORCE = 1e-3, 1e-9
-#: share of its volume that every integration point keeps in a step, and of what is left of it where that is less already:
-#: St. Venant-Kirchhoff fabric gives way below a stretch of 1/sqrt(3) and is at rest again as its own mirror image, and on fine
-#: meshes a step of a millimetre can get there. Devices at rest are above 0.85
-SMALLEST_VOLUME, SHARE_LEFT = 0.8, 0.9
+#: share of its volume that every integration point keeps, and by how much |ln det F| may grow in one step: the first because St.
+#: Venant-Kirchhoff fabric gives way below a stretch of 1/sqrt(3) (some 0.7 of its volume) and is at rest again as its own mirror
+#: image, the second because on fine meshes a step of millimetres can overshoot to there. Devices at rest are above 0.85
+SMALLEST_VOLUME, LARGEST_GROWTH = 0.7, 0.25
+#: shares of a step that are tried before the shift is raised
+CUTS = (1.0, 0.5, 0.25, 0.125)
 TINY = np.finfo(float).tiny
 FIT, HOLD, RAMP = range(3)
 _CLOSE = 1e-6  # kPa, pressures closer than this are the same
@@ -68,6 +74,7 @@ class _State:
     free: np.ndarray
     prescribed: float = 0.0
     shift: float = 0.0
+    last_shift: float = 0.0  # that the last step needed for which it had to rise
     factorisations: int = 0
     solutions: int = 0
     iterations: dict[str, int] = field(default_factory=count_stages)
@@ -203,6 +210,7 @@ class _Run:
             if moved is not None:
                 # the edges move with this step: what they drag along is part of its right side
                 residual = residual - assembly.reduce(assembly.drag(moved))
+            refused = state.rejected
             state.free, largest = self._step(values, residual, share)
             state.iterations[name] += 1
             report(
@@ -218,7 +226,8 @@ class _Run:
                 state.prescribed, moved = share, None
             elif largest <= self.largest:
                 correction = self._reuse(size, load, correction, before, ventricular, actuation)
-            state.shift = max(settings.smallest_shift, state.shift * settings.shift_decay)
+            powers = 1 if state.rejected > refused else AT_ONCE if largest <= SHORT_STEP * self.largest else QUICKLY
+            state.shift = max(settings.smallest_shift, state.shift * settings.shift_decay**powers)
         else:
             raise _StopError(
                 "diverged",
@@ -245,17 +254,23 @@ class _Run:
         while pressure < maximum - _CLOSE:
             steps += max(1, min(settings.easy_steps, int(EASY_SHARE * steps))) if easy else 1
             before, pressure = pressure, min(steps * settings.load_step, maximum)
-            for frame in (f for f in case.frames if before + _CLOSE < f < pressure - _CLOSE):
-                self.visit(RAMP, 1.0, ventricular, frame)
-            done = sum(state.iterations.values())
+            left, done = state.free, sum(state.iterations.values())
             self.advance(RAMP, 1.0, ventricular, pressure)
             easy = sum(state.iterations.values()) - done <= EASY
+            self.visit([f for f in case.frames if before + _CLOSE < f < pressure - _CLOSE], before, left)
 
-    def visit(self, stage: int, share: float, ventricular: float, actuation: float) -> None:
-        """Keep the equilibrium at loads between two steps and come back: what is looked at must not turn the path."""
-        free, shift = self.state.free, self.state.shift
-        self.advance(stage, share, ventricular, actuation)
-        self.state.free, self.state.shift = free, shift
+    def visit(self, frames: list[float], before: float, left: np.ndarray) -> None:
+        """Find the equilibria at frames (kPa) within the last step, which left free displacements ``left`` at P_a ``before``.
+
+        Each starts between the two ends of the step, and the path goes on as if nobody had looked.
+        """
+        state, arrived, pressure, end = self.state, replace(self.state), self.pressures[-1], len(self.stages) - 1
+        for place, frame in enumerate(frames):
+            state.free = left + (frame - before) / (pressure - before) * (arrived.free - left)
+            self.advance(RAMP, 1.0, self.model.case.ventricular_pressure, frame)
+            for history in (self.stages, self.pressures, self.kept, self.residuals):
+                history.insert(end + place, history.pop())
+        state.free, state.shift, state.last_shift = arrived.free, arrived.shift, arrived.last_shift
 
     def _forces(self, ventricular: float, actuation: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Displacements, f_int and f_p (n, 3) of the state; computed once for a state and its loads."""
@@ -281,10 +296,12 @@ class _Run:
     def _step(self, values: np.ndarray, residual: np.ndarray, share: float) -> tuple[np.ndarray, float]:
         """Free displacements after a step of the shifted system cut to ``largest_step``, and its size (mm) before that.
 
-        The shift is raised until the matrix is positive, the step no leap, and no element turned inside out by it.
+        The step is cut further where elements would lose their volume; the shift is raised until the matrix is positive, the
+        step no leap, and such a cut enough.
         """
-        state = self.state
-        smallest = min(SMALLEST_VOLUME, SHARE_LEFT * self.assembly.smallest_volume(self.displacements()))
+        state, growth, refused = self.state, self.settings.shift_growth, self.state.rejected
+        before = self.assembly.volume_ratios(self.displacements())
+        growth_limit = LARGEST_GROWTH if share == state.prescribed else np.inf  # moved edges stretch what they drag along
         while True:
             negative = self.solver.factorise(values + state.shift * self.assembly.mass)
             state.factorisations += 1
@@ -293,11 +310,17 @@ class _Run:
                 state.solutions += 1
                 largest = np.abs(step).max()
                 if largest <= self.rejected:
-                    free = state.free + min(1.0, self.largest / max(largest, TINY)) * step
-                    if self.assembly.smallest_volume(self.displacements(free, share)) > smallest:
-                        return free, largest
+                    for cut in CUTS if share == state.prescribed else (1.0,):
+                        free = state.free + cut * min(1.0, self.largest / max(largest, TINY)) * step
+                        if _whole(before, self.assembly.volume_ratios(self.displacements(free, share)), growth_limit):
+                            if state.rejected > refused:
+                                state.last_shift = state.shift
+                            elif cut < 1:
+                                state.rejected += 1
+                            return free, largest
+            first = state.rejected == refused
             state.rejected += 1
-            state.shift *= self.settings.shift_growth
+            state.shift = max(growth * state.shift, state.last_shift / growth if first else 0.0)
             if state.shift > LARGEST_SHIFT:
                 raise _StopError(
                     "diverged", f"no downhill step with a shift up to {LARGEST_SHIFT:.0e} 1/s2 leaves all elements whole"
@@ -325,3 +348,10 @@ class _Run:
 def _cpu_seconds() -> float:
     usage = resource.getrusage(resource.RUSAGE_SELF)
     return usage.ru_utime + usage.ru_stime
+
+
+def _whole(before: np.ndarray, after: np.ndarray, growth: float) -> bool:
+    """Whether a step from det F ``before`` to ``after`` (m, g) leaves all points their volume, |ln det F| growing that much."""
+    if after.min() <= 0 or (after < np.minimum(before, SMALLEST_VOLUME)).any():
+        return False
+    return bool((np.abs(np.log(after)) <= np.abs(np.log(np.abs(before))) + growth).all())
