@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from limo.kinematics import energy_and_volume_ratio
+from limo.kinematics import energy_and_extremes
 from limo.model import Model
 from limo.volumes import flux
 
@@ -30,11 +30,12 @@ def conjugate_volumes(model: Model, displacements: np.ndarray) -> tuple[float, f
     return tuple(float(v) for v in model.mesh.copies * swept)
 
 
-def energy_and_volume_ratio_of(model: Model, displacements: np.ndarray) -> tuple[float, float]:
-    """Strain energy of the full device in mJ (N mm), with the quadrature of the model's element, and its smallest det F."""
+def energy_and_extremes_of(model: Model, displacements: np.ndarray) -> tuple[float, float, float]:
+    """Strain energy of the full device in mJ (N mm), with the quadrature of the model's element; smallest det F and stretch
+    across the layer."""
     material = model.case.device.material
     expansion = model.expansion
-    energy, smallest = energy_and_volume_ratio(
+    energy, *extremes = energy_and_extremes(
         expansion.nodes,
         expansion.bricks,
         displacements[: len(expansion.nodes)],
@@ -42,12 +43,12 @@ def energy_and_volume_ratio_of(model: Model, displacements: np.ndarray) -> tuple
         material.poisson_ratio,
         model.gauss_points,
     )
-    return model.mesh.copies * energy, smallest
+    return model.mesh.copies * energy, *extremes
 
 
 def stored_energy(model: Model, displacements: np.ndarray) -> float:
     """Strain energy of the full device in mJ (N mm)."""
-    return energy_and_volume_ratio_of(model, displacements)[0]
+    return energy_and_extremes_of(model, displacements)[0]
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,9 @@ from limo.model import Model
 
 #: largest displacement, over the device length, that a state may show and still be believed
 LARGEST_DISPLACEMENT = 3.0
+#: thickness over that at rest below which a path that ends has come to the end of its fabric: stretched by E_11 and E_22, a layer
+#: of St. Venant-Kirchhoff material thins as C_33 = 1 - 2 nu / (1 - nu) (E_11 + E_22), which is zero at a sum of (1 - nu) / 2 nu
+THINNEST = 0.5
 #: a residual this many times its limit is no equilibrium at all
 NO_EQUILIBRIUM = 10.0
 #: frames of a case whose equilibrium is looked at: the first, the last and some between
@@ -35,17 +38,18 @@ USABLE = ("converged", "degraded")
 class Checks:
     """What is measured of a path; None where it is not known (shells keep no displacements through the thickness).
 
-    ``largest_displacement`` over the length, and ``smallest_volume_ratio`` (det F at integration points), of all increments;
-    ``residual`` of the force resultants over the applied load, ``residual_floor`` (what rounding of stored frames alone amounts
-    to) and ``viscous_share`` (damping and inertia over the load), the largest of some frames; ``energy_created``: largest fall of
-    the dissipated energy along the ramp over the actuation work; ``largest_jump``: largest change of V_v or V_a from one
-    increment to the next outside of buckling events, over V_v at rest; ``smallest_ventricle``: smallest V_v of the ramp over that
-    at rest, not positive where front and back, between which there is no contact, pass through each other. ``error``: why frames
-    could not be measured.
+    ``largest_displacement`` over the length, and at integration points ``smallest_volume_ratio`` (det F) and
+    ``smallest_thickness`` (over that at rest), of all increments; ``residual`` of the force resultants over the applied load,
+    ``residual_floor`` (what rounding of stored frames alone amounts to) and ``viscous_share`` (damping and inertia over the
+    load), the largest of some frames; ``energy_created``: largest fall of the dissipated energy along the ramp over the
+    actuation work; ``largest_jump``: largest change of V_v or V_a from one increment to the next outside of buckling events,
+    over V_v at rest; ``smallest_ventricle``: smallest V_v of the ramp over that at rest, not positive where front and back,
+    between which there is no contact, pass through each other. ``error``: why frames could not be measured.
     """
 
     largest_displacement: float | None = None
     smallest_volume_ratio: float | None = None
+    smallest_thickness: float | None = None
     residual: float | None = None
     residual_floor: float | None = None
     viscous_share: float | None = None
@@ -73,6 +77,7 @@ def measure(model: Model, history: xr.Dataset, ramp: xr.Dataset, frames: xr.Data
     if history.sizes["increment"]:
         known["largest_displacement"] = float(history.largest_displacement.max()) / model.case.device.pattern.length
         known["smallest_volume_ratio"] = _number(history.smallest_volume_ratio.min())
+        known["smallest_thickness"] = _number(history.smallest_thickness.min())
     if ramp.sizes["increment"] > 1:
         known["largest_jump"] = largest_jump(ramp)
         known["smallest_ventricle"] = float(ramp.ventricle_volume.min() / max(abs(float(ramp.ventricle_volume[0])), 1e-9))
@@ -133,8 +138,16 @@ def _number(value: object) -> float | None:
     return float(value) if value is not None and np.isfinite(value) else None
 
 
+def gave_way(status: str, smallest_thickness: float | None) -> bool:
+    """Whether a path ended because its fabric did: what was reached is right, and the model has no answer far beyond."""
+    return status == "diverged" and smallest_thickness is not None and smallest_thickness < THINNEST
+
+
 def verdict(status: str, reason: str, checks: Checks, limits: Limits) -> tuple[str, str]:
     """Status and reason of a case from what its engine says and what was measured; what the engine calls a failure stays one."""
+    if gave_way(status, checks.smallest_thickness):
+        thinned = f"the fabric has thinned to {checks.smallest_thickness:.2g} of its thickness, where its law gives way"
+        return status, f"{thinned} ({reason})"
     if status != "converged":
         return status, reason
     excess = max((checks.residual or 0.0) - (checks.residual_floor or 0.0), 0.0)

@@ -37,15 +37,17 @@ def energy_density(strain: np.ndarray, lame_lambda: np.ndarray, lame_mu: np.ndar
     return 0.5 * lame_lambda * trace**2 + lame_mu * np.einsum("...ij,...ij->...", strain, strain)
 
 
-def energy_and_volume_ratio(
+def energy_and_extremes(
     nodes: np.ndarray,
     bricks: np.ndarray,
     displacements: np.ndarray,
     youngs_modulus: np.ndarray,
     poisson_ratio: float,
     points: int = 2,
-) -> tuple[float, float]:
-    """Strain energy of the bricks in N mm and the smallest det F of the points; not positive: an element is turned inside out.
+) -> tuple[float, float, float]:
+    """Strain energy of the bricks in N mm; of the points the smallest det F and the smallest stretch across the layer, |F e_z|.
+
+    A det F that is not positive is that of an element turned inside out. Layers lie in planes of constant z.
 
     ``youngs_modulus`` (m,) in MPa, ``points`` Gauss points a direction: two are those of C3D20R, three those of C3D20, with
     which the energy is that of the discrete model itself.
@@ -54,9 +56,10 @@ def energy_and_volume_ratio(
     deformation, jacobian = deformation_gradient(nodes, bricks, displacements, local)
     lam, mu = lame(youngs_modulus, poisson_ratio)
     density = energy_density(green_lagrange(deformation), lam[:, None], mu[:, None])
-    return float(np.einsum("mg,mg,g->", density, jacobian, weights)), float(np.linalg.det(deformation).min())
+    energy = float(np.einsum("mg,mg,g->", density, jacobian, weights))
+    return energy, float(np.linalg.det(deformation).min()), float(np.linalg.norm(deformation[..., 2], axis=-1).min())
 
 
 def strain_energy(*arguments, **options) -> float:
-    """Strain energy in N mm; arguments as of ``energy_and_volume_ratio``."""
-    return energy_and_volume_ratio(*arguments, **options)[0]
+    """Strain energy in N mm; arguments as of ``energy_and_extremes``."""
+    return energy_and_extremes(*arguments, **options)[0]

@@ -20,7 +20,7 @@ from limo.model import Model
 from limo.sampling import stress_cases
 
 CHECKS = (
-    *("largest_displacement", "smallest_volume_ratio", "residual", "residual_floor", "viscous_share"),
+    *("largest_displacement", "smallest_volume_ratio", "smallest_thickness", "residual", "residual_floor", "viscous_share"),
     *("energy_created", "largest_jump", "smallest_ventricle"),
 )
 COLUMNS = (

@@ -10,13 +10,12 @@ import numpy as np
 import pandas as pd
 
 from limo.errors import ResultError
+from limo.judge import THINNEST
 from limo.markdown import markdown_table
 
 RIGHT = ("converged", "degraded")
 #: residual of forces (1) beyond which the check that is independent of the judge says no
 RESIDUAL = 0.02
-#: det F at which a St. Venant-Kirchhoff layer has thinned so far that its own law ends it soon
-THINNED = 0.5
 #: kPa below which no buckling event of the repeated case was found
 BEFORE_EVENTS = 2.5
 PRESSURES = (0.0, 5.0, 10.0, 20.0, 40.0, 60.0)
@@ -49,12 +48,14 @@ def stress_summary(data: Path) -> str:
     for (box, engine), of in cases.groupby(["box", "engine"], sort=True):
         n, first = len(of), of.first_status.isin(RIGHT)
         right = of.status.isin(RIGHT)
+        ended = (of.status == "diverged") & (of.smallest_thickness < THINNEST)
         denied = right & ~(of.forces_residual <= np.maximum(RESIDUAL, RESIDUAL + of.residual_floor.fillna(0.0)))
         counts = (
             first & (of.status == "converged"),
             ~first & (of.status == "converged"),
             of.status == "degraded",
-            ~right,
+            ended,
+            ~right & ~ended,
         )
         worst = of.forces_residual[right].max()
         rows.append((box, engine, n, *(_share(int(c.sum()), n) for c in counts), int(denied.sum()), f"{worst:.2g}"))
@@ -65,6 +66,7 @@ def stress_summary(data: Path) -> str:
         "converged at once",
         "after the ladder",
         "degraded",
+        "fabric gave way",
         "failed",
         "denied",
         "largest residual",
@@ -83,11 +85,11 @@ def stress_failures(data: Path) -> str:
             (
                 f"{c.box} {c.number}, {c.engine}", int(c.n_pouches), f"{c.ventricular_pressure:g}", f"{c.aspect_ratio:g}",
                 f"{c.stiffness_ratio:g}", f"{c.thickness:g}", f"{c.youngs_modulus:g}", f"{c.width_scale:g}", c.status,
-                f"{c.actuation_pressure_reached:.1f} of {c.actuation_pressure_max:g}", f"{c.smallest_volume_ratio:.2f}",
+                f"{c.actuation_pressure_reached:.1f} of {c.actuation_pressure_max:g}", f"{c.smallest_thickness:.2f}",
                 int(c.attempts), str(c.reason)[:110],
             )
         )  # fmt: skip
-    header = ("case", "N_p", "P_v", "AR", "E_hat", "t", "E", "width", "status", "P_a [kPa]", "det F", "attempts", "reason")
+    header = ("case", "N_p", "P_v", "AR", "E_hat", "t", "E", "width", "status", "P_a [kPa]", "thinned to", "attempts", "reason")
     return _table(header, rows) if rows else "None."
 
 

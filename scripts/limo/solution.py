@@ -18,7 +18,7 @@ import xarray as xr
 from limo.buckling import Event, events, largest_events
 from limo.case import Case, describe
 from limo.config import STAGES, Limits, Rung, Solver
-from limo.energy import EnergyBalance, conjugate_volumes, energy_and_volume_ratio_of, ramp_balance
+from limo.energy import EnergyBalance, conjugate_volumes, energy_and_extremes_of, ramp_balance
 from limo.engines import Path as EnginePath
 from limo.engines import calculix
 from limo.errors import ResultError
@@ -219,12 +219,12 @@ def _harvest(model: Model, path: EnginePath) -> tuple[xr.Dataset, xr.Dataset, st
             if problem := unbelievable(u, np.nan, case.device.pattern.length):
                 error = f"{problem} at P_a = {path.pressure[k]:g} kPa of the {STAGES[path.stage[k]]}"
                 break
-            energy, smallest = (np.nan, np.nan) if model.is_shell else energy_and_volume_ratio_of(model, u)
+            energy, smallest, thinnest = 3 * (np.nan,) if model.is_shell else energy_and_extremes_of(model, u)
             if problem := unbelievable(u, smallest, case.device.pattern.length):
                 error = f"{problem} at P_a = {path.pressure[k]:g} kPa of the {STAGES[path.stage[k]]}"
                 break
             rows.append(_volumes(model, u))
-            states.append((energy, smallest, np.abs(u).max()))
+            states.append((energy, smallest, thinnest, np.abs(u).max()))
         history = _history(path, rows, states)
         for wanted, k, pressure in _nearest_increments(case, history):
             frames.append(displacements(k))
@@ -336,7 +336,7 @@ def _nearest_increments(case: Case, history: xr.Dataset) -> list[tuple[float, in
 
 
 def _history(path: EnginePath, volumes: list[tuple[float, ...]], states: Sequence[tuple[float, ...]] = ()) -> xr.Dataset:
-    """The first k increments of a path: volumes (k, 6) in mm^3; ``states`` (k, 3): strain energy in mJ, det F, mm."""
+    """The first k increments of a path: volumes (k, 6) in mm^3; ``states`` (k, 4): strain energy in mJ, ratios, mm."""
     count = len(volumes)
     volumes_ml = np.array(volumes, float).reshape(-1, 6) * ML
     names = {
@@ -352,6 +352,7 @@ def _history(path: EnginePath, volumes: list[tuple[float, ...]], states: Sequenc
     of_states = {
         "strain_energy": ("mJ", "strain energy of the full device, U"),
         "smallest_volume_ratio": ("1", "smallest det F of the integration points"),
+        "smallest_thickness": ("1", "smallest thickness of the fabric at the integration points over that at rest"),
         "largest_displacement": ("mm", "largest component of a displacement"),
     }
     if len(states):

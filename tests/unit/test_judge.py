@@ -5,10 +5,11 @@ import pytest
 import xarray as xr
 
 from limo.config import Limits
-from limo.judge import Checks, energy_created, largest_jump, unbelievable, verdict
+from limo.judge import Checks, energy_created, gave_way, largest_jump, unbelievable, verdict
 
 GOOD = {
-    "largest_displacement": 0.3, "smallest_volume_ratio": 0.9, "residual": 1e-3, "residual_floor": 0.0, "viscous_share": 1e-3,
+    "largest_displacement": 0.3, "smallest_volume_ratio": 0.9, "smallest_thickness": 0.95, "residual": 1e-3,
+    "residual_floor": 0.0, "viscous_share": 1e-3,
     "dissipated_fraction": 0.1, "energy_created": 1e-3, "largest_jump": 0.02, "smallest_ventricle": 0.4,
 }  # fmt: skip
 
@@ -131,6 +132,17 @@ def test_verdict_on_what_an_engine_calls_converged(changes, status, reason):
 @pytest.mark.parametrize("status", ["diverged", "timed_out", "crashed"])
 def test_what_an_engine_calls_a_failure_stays_one(status):
     assert verdict(status, "why", Checks(**GOOD), Limits()) == (status, "why")
+
+
+@pytest.mark.parametrize(
+    ("status", "thickness", "said"), [("diverged", 0.3, True), ("diverged", 0.6, False), ("crashed", 0.3, False)]
+)
+def test_a_path_that_ended_with_its_fabric_says_so(status, thickness, said):
+    """C_33 = 1 - 2 nu / (1 - nu) (E_11 + E_22): no step size gets past its zero."""
+    assert gave_way(status, thickness) == said
+    found = verdict(status, "why", Checks(**(GOOD | {"smallest_thickness": thickness})), Limits())
+    assert found[0] == status
+    assert found[1] == ("the fabric has thinned to 0.3 of its thickness, where its law gives way (why)" if said else "why")
 
 
 def test_limits_are_the_configurations():

@@ -39,7 +39,7 @@ def solved(make_case, device_mesh, frd_bytes, tmp_path, monkeypatch):
     """``solved(...)``: (status, folder, model, times, pressures) of a case whose solver accepts increments at those pressures."""
     monkeypatch.setattr(calculix, "_POLL", 0.01)
     # these displacements are no equilibria and fold bricks: the judge has tests of its own
-    monkeypatch.setattr(solution, "energy_and_volume_ratio_of", lambda model, u: (stored_energy(model, u), 1.0))
+    monkeypatch.setattr(solution, "energy_and_extremes_of", lambda model, u: (stored_energy(model, u), 1.0, 1.0))
     monkeypatch.setattr(solution, "measure", lambda *_: Checks())
     case = make_case(frames=FRAMES)
     mesh = device_mesh("limo", 8, "quarter")
