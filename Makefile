@@ -48,15 +48,16 @@ format: setup ## format Python and Snakemake files in place
 benchmark: setup ## print where the time of the solved cases went
 	@$(BIN)/limo benchmark
 
-# What is measured together, and the configuration of it; every batch is resumed where it was stopped.
+# What is measured together, its configuration, and cores if not CORES; every batch is resumed where it was stopped.
 BATCHES := levers:config/levers/config.yaml stock:config/stock/config.yaml grid_preview_calculix:config/grids/preview_calculix.yaml \
 	grid_preview_newton:config/grids/preview_newton.yaml grid_paper_density_newton:config/grids/paper_density_newton.yaml \
-	half_paper_density_newton:config/grids/half_newton.yaml
+	alone_newton:config/grids/alone_newton.yaml:1
 
 performance: setup ## measure what everything costs (hours) and write docs/performance.md
 	@set -e; for batch in $(BATCHES); do \
-		OMP_NUM_THREADS=1 $(BIN)/snakemake --cores $(CORES) --config file=$${batch#*:}; \
-		$(BIN)/limo performance record $${batch%%:*} --config $${batch#*:}; \
+		IFS=: read -r name config cores <<<"$$batch"; \
+		OMP_NUM_THREADS=1 $(BIN)/snakemake --cores $${cores:-$(CORES)} --config file=$$config; \
+		$(BIN)/limo performance record $$name --config $$config; \
 	done
 	$(BIN)/limo performance overhead --config config/grids/preview_newton.yaml
 	$(BIN)/limo performance report >docs/performance.md

@@ -272,8 +272,8 @@ def _targets(rows: pd.DataFrame, overhead: pd.DataFrame) -> pd.DataFrame:
     newton = rows[rows.engine == "newton"]
     for name, of, limit in (
         ("preview case, newton", newton[newton.batch == "grid_preview_newton"], 1),
-        ("quarter of the paper's density, newton", newton[newton.batch == "grid_paper_density_newton"], 12),
-        ("half of the paper's density, newton", newton[newton.batch == "half_paper_density_newton"], 30),
+        ("quarter of the paper's density, newton, alone", newton[newton.study == "longest"], 12),
+        ("half of the paper's density, newton, alone", newton[newton.study == "half"], 30),
     ):
         add(f"{name}: longest case", of.cpu_seconds.max() / 60 if len(of) else None, limit, "min CPU")
     bare = newton.dropna(subset=["factor_seconds"])
