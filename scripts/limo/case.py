@@ -221,7 +221,7 @@ def study_axes(loaded: Loaded, name: str) -> dict[str, list]:
         "stiffness_ratio": axes.stiffness_ratio,
         "width_scale": axes.width_scale or [loaded.devices[study.device].pattern.width_scale],
         "variant": list(study.variants) or [""],
-        "branch": list(range(study.branches)),
+        "branch": list(range(loaded.branches_of(study))),
     }
 
 

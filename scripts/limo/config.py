@@ -366,6 +366,7 @@ class Preset(Section):
     mesh: Mesh = Field(Mesh(), description="mesh of studies that name the preset")
     numerics: str = Field("fast", pattern=NAME, description="name of an entry of numerics_presets", examples=["fast"])
     engine: Engine = Field("newton", description="what solves the cases", examples=["newton"])
+    branches: int = Field(1, ge=1, le=100, description="solutions of each case, for a band", examples=[3])
 
     @model_validator(mode="after")
     def _newton_knows_no_shells(self) -> Preset:
@@ -596,7 +597,7 @@ class Study(Section):
     preset: str | None = Field(
         None,
         pattern=NAME,
-        description="name of an entry of presets, for mesh, numerics and engine that the study does not state itself",
+        description="name of an entry of presets, for mesh, numerics, engine and branches that the study does not state itself",
         examples=["standard"],
     )
     material: dict[str, Any] = Field(
@@ -605,8 +606,8 @@ class Study(Section):
     engine: Engine | None = Field(
         None, description="what solves the cases, instead of the configuration's engine", examples=["newton"]
     )
-    branches: int = Field(
-        1,
+    branches: int | None = Field(
+        None,
         ge=1,
         le=100,
         description="solutions of each case: the flat state as it is, and others from it with tiny seeded perturbations",
@@ -916,10 +917,11 @@ class Config(Section):
     )
     mesh: Mesh = Field(Mesh(), description="mesh of studies that say nothing else")
     numerics: str = Field("fast", pattern=NAME, description="preset of studies that say nothing else", examples=["fast"])
+    branches: int = Field(1, ge=1, le=100, description="solutions of each case of studies that say nothing else", examples=[1])
     preset: str | None = Field(
         None,
         pattern=NAME,
-        description="name of an entry of presets, instead of engine, mesh and numerics of studies that say nothing else",
+        description="name of an entry of presets; instead of engine, mesh, numerics, branches of studies that say nothing else",
         examples=["standard"],
     )
     presets: dict[Annotated[str, Field(pattern=NAME)], Preset] = Field(
@@ -990,12 +992,16 @@ class Loaded:
         return {name: self._setting(study, variant) for name, variant in (study.variants or {"": Variant()}).items()}
 
     def default(self, preset: str | None = None) -> Config | Preset:
-        """What has the mesh, numerics and engine where nothing else is said: a named preset, else the configuration's, or itself.
+        """What has mesh, numerics, engine, branches where nothing else is said: a preset, else the configuration's, or itself.
 
         Raises ``KeyError`` for a name that is not there.
         """
         name = preset or self.config.preset
         return self.config.presets[name] if name else self.config
+
+    def branches_of(self, study: Study) -> int:
+        """How many solutions each case of a study has."""
+        return study.branches or self.default(study.preset).branches
 
     def _setting(self, study: Study, variant: Variant) -> Setting:
         default = self.default(study.preset)
@@ -1023,6 +1029,7 @@ class Loaded:
         study = self.studies[name]
         # what is drawn of a dataset is no part of it
         sections = {"study": study.model_dump(mode="json", exclude={"figures", "measured"})}
+        sections["study"]["branches"] = self.branches_of(study)
         sections["settings"] = {
             name: {
                 "device": setting.device.model_dump(mode="json"),

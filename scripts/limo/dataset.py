@@ -186,7 +186,7 @@ def describe_axes(dataset: xr.Dataset) -> xr.Dataset:
 
 def on_axes(dataset: xr.Dataset, study: Study) -> xr.Dataset:
     """The same without the dimensions ``width_scale``, ``variant`` and ``branch`` where the study does not vary them."""
-    fixed = {"width_scale": study.axes.width_scale is None, "variant": not study.variants, "branch": study.branches == 1}
+    fixed = {"width_scale": study.axes.width_scale is None, "variant": not study.variants, "branch": dataset.sizes["branch"] == 1}
     dataset = dataset.isel({dim: 0 for dim, one in fixed.items() if one})
     return dataset if study.variants else dataset.drop_vars("variant")
 

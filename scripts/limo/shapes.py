@@ -88,10 +88,12 @@ def gather_shapes(
 ) -> xr.Dataset:
     """The shapes of a study from the frames of its cases below ``case_folder`` and the meshes in ``mesh_folder``.
 
+    Of the branches of a case the first is shown, the one from the flat state as it is.
     ``sources``: ids of the cases that serve the study, in the order of its grid (default: its own cases). A case without
     usable frames has none here, and ``shape_reason`` says why; the others do not notice.
     """
-    study, cases = loaded.studies[name], study_cases(loaded, name)
+    study, every = loaded.studies[name], study_cases(loaded, name)
+    cases = {key: case for key, case in every.items() if not case.branch}
     items, entries = items_of(study.figures), frame_entries(study)
     grid = {d: list(dict.fromkeys(key[k] for key in cases)) for k, d in enumerate(CASE_DIMS)}
     shape = tuple(len(v) for v in grid.values())
@@ -99,8 +101,9 @@ def gather_shapes(
     found: dict[tuple, dict[str, np.ndarray]] = {}
     number, reason = np.full(shape, -1), np.full(shape, "", object)
     symmetry, length = np.full(shape, "", object), np.full(shape, np.nan)
-    ids = list(sources)[: len(cases)] if sources else [case.case_id for case in cases.values()]
-    for (key, case), case_id in zip(cases.items(), ids, strict=True):
+    ids = dict(zip(every, sources or [case.case_id for case in every.values()], strict=False))
+    for key, case in cases.items():
+        case_id = ids[key]
         index = tuple(grid[d].index(k) for d, k in zip(CASE_DIMS, key, strict=True))
         symmetry[index], length[index] = case.mesh.symmetry, case.device.pattern.length
         try:

@@ -377,6 +377,17 @@ def test_a_preset_stands_for_mesh_numerics_and_engine_that_are_not_stated(folder
     assert (setting.mesh.level, setting.preset, setting.engine) == ("coarse", "fast", "calculix"), "what is stated comes on top"
 
 
+def test_a_preset_may_ask_for_branches_unless_a_study_does(folder):
+    edit(folder / CONFIG, ("presets", "standard"), {"branches": 3})
+    edit(folder / STUDY, ("preset",), "standard")
+    loaded = load_config(folder / CONFIG)
+    assert loaded.branches_of(loaded.studies["pressure_volume"]) == 3
+    assert loaded.content("pressure_volume")["study"]["branches"] == 3
+    edit(folder / STUDY, ("branches",), 2)
+    loaded = load_config(folder / CONFIG)
+    assert loaded.branches_of(loaded.studies["pressure_volume"]) == 2
+
+
 def test_a_preset_of_the_configuration_is_that_of_studies_that_name_none(folder):
     edit(folder / CONFIG, ("preset",), "reference")
     assert "preset = 'reference': expected no mesh, numerics beside it" in str(error_of(folder))

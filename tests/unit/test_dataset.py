@@ -7,13 +7,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import xarray as xr
+from matplotlib.collections import PolyCollection
 
 from limo.case import cross_checks, study_cases
 from limo.config import Loaded, Study, Variant
 from limo.dataset import CASE_DIMS, COORDINATES, CURVE_DIMS, STATUSES, VARIABLES, curves, gather_study
 from limo.deck import actuation_pressure_at, stage_times
 from limo.errors import ConfigError
-from limo.figures import pressure_volume, style
+from limo.figures import afterload, pressure_volume, style
 from limo.figures.measured import read_measured
 from limo.files import write_json
 from limo.solution import _history
@@ -344,6 +345,11 @@ def test_branches_and_cross_checks_have_their_places(grid, tmp_path):
         write_json(target / "status.json", status)
     dataset = gather_study(both, "both", tmp_path)
     assert dataset.sizes["branch"] == 2
+    dataset.stroke_volume.loc[{"branch": 1}] *= 1.1
+    for figure in (pressure_volume.draw(dataset), afterload.draw(dataset)):
+        bands = [c for axis in figure.axes for c in axis.collections if isinstance(c, PolyCollection)]
+        assert len(bands) == 3 * dataset.case_status.isel(branch=0).size, "of both volumes and of the ratio, for each case"
+        style.close(figure)
     (place,) = [dict(zip(CASE_DIMS, key, strict=True)) for key in twins]
     checked = dataset.sel(n_pouches=place["n_pouches"], ventricular_pressure=place["ventricular_pressure"], branch=0).squeeze()
     assert float(checked.check_stroke_difference) == pytest.approx(0.1 / 1.1, rel=1e-6)

@@ -18,22 +18,28 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
     """Above: (a) Delta V_a, (b) Delta V_v, (c) efficiency at 90 ml; below the ratio, a panel for each P_v.
 
     Lines are thicker for more pouches; beyond the first stored frame in which front and back would touch they are lighter.
+    Branches make bands, and thin bars on the efficiencies.
     """
-    rest = {d: 0 for d in dataset.case_status.dims if d not in ("n_pouches", "ventricular_pressure")}
-    dataset = dataset.isel(rest)
+    rest = {d: 0 for d in dataset.case_status.dims if d not in ("n_pouches", "ventricular_pressure", "branch")}
+    every = dataset.isel(rest)
+    dataset = style.first_branch(every)
     pressures = dataset.ventricular_pressure.values
     figure, upper, lower = style.two_rows(3, max(3, len(pressures)), 7.5, 5.2)
     for j, p_v in enumerate(pressures):
         for k, n_pouches in enumerate(dataset.n_pouches.values):
-            case = dataset.sel(ventricular_pressure=p_v, n_pouches=n_pouches)
+            case, branches = (d.sel(ventricular_pressure=p_v, n_pouches=n_pouches) for d in (dataset, every))
             color, width = COLORS[j % len(COLORS)], _width(k)
+            for axis, name in ((upper[0], "actuation_volume_change"), (upper[1], "stroke_volume")):
+                style.band(axis, branches, name, color)
+            if j < len(lower):
+                style.band(lower[j], branches, "io_ratio", color)
             _curve(upper[0], case, "actuation_volume_change", color, width)
             _curve(upper[1], case, "stroke_volume", color, width)
             for other, axis in enumerate(lower[: len(pressures)]):
                 _curve(
                     axis, case, "io_ratio", color if other == j else "0.85", width if other == j else 0.7, 2 if other == j else 1
                 )
-    _bars(upper[2], dataset)
+    _bars(upper[2], every)
     xlim = (0, float(dataset.actuation_pressure.max()))
     upper[0].set(xlabel="$P_a$ [kPa]", ylabel="Actuation volume $\\Delta V_a$ [ml]", xlim=xlim)
     upper[1].set(xlabel="$P_a$ [kPa]", ylabel="Stroke volume $\\Delta V_v$ [ml]", xlim=xlim)
@@ -48,7 +54,7 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
     lower[0].set_ylabel("Ratio $\\Delta V_v / \\Delta V_a$ [-]")
     handles = [Line2D([], [], color=COLORS[j % len(COLORS)], label=f"$P_v$ = {p:g} kPa") for j, p in enumerate(pressures)]
     handles += [Line2D([], [], color="0.4", lw=_width(k), label=f"$N_p$ = {n}") for k, n in enumerate(dataset.n_pouches.values)]
-    style.legend(figure, handles, style.gaps(dataset), min(len(handles), 7))
+    style.legend(figure, handles, style.gaps(every), min(len(handles), 7))
     return figure
 
 
@@ -75,7 +81,9 @@ def _bars(axis, dataset: xr.Dataset) -> None:
     width = 0.8 / len(pressures)
     for j, p_v in enumerate(pressures):
         at = np.arange(len(pouches)) + (j - (len(pressures) - 1) / 2) * width
-        eta = 100 * dataset.efficiency_90ml.sel(ventricular_pressure=p_v).values
+        efficiency = dataset.efficiency_90ml.sel(ventricular_pressure=p_v)
+        style.bars_of_branches(axis, at, efficiency, 100)
+        eta = 100 * style.first_branch(efficiency).values
         axis.bar(at, np.nan_to_num(eta), width=0.9 * width, color=COLORS[j % len(COLORS)])
         axis.plot(at[~np.isfinite(eta)], np.full((~np.isfinite(eta)).sum(), 2.0), "x", ms=4, color=COLORS[j % len(COLORS)])
     axis.set_xticks(np.arange(len(pouches)), [f"{n}" for n in pouches])

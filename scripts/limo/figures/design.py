@@ -11,7 +11,10 @@ from limo.figures.von_mises import pictures_of, stress_scale
 
 
 def draw(dataset: xr.Dataset, measured: pd.DataFrame | None, shapes: xr.Dataset):
-    """Above: (a) Delta V_a, (b) Delta V_v, (c) ratio, (d) efficiency at 90 ml; below (e) stress at the highest P_a."""
+    """Above: (a) Delta V_a, (b) Delta V_v, (c) ratio, (d) efficiency at 90 ml; below (e) stress at the highest P_a.
+
+    Branches make bands, and thin bars on the efficiencies.
+    """
     dims = pictures.varying(shapes)
     cases = [case for line in pictures.case_grid(shapes, "")[2] for case in line]
     rows, columns, _ = pictures.case_grid(shapes, "n_pouches")
@@ -25,18 +28,19 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None, shapes: xr.Dataset)
     )
     for letter, axis in zip("abcd", axes, strict=True):
         axis.set_title(f"({letter})", loc="left")
-    found = [pictures.study_case(dataset, case) for case in cases]
+    found = [pictures.branches_of(dataset, case) for case in cases]
     labels = [pictures.names(case, dims) or pictures.names(case, ["n_pouches"]) for case in cases]
-    for k, (curves, name) in enumerate(zip(found, labels, strict=True)):
-        line = style.line_of(curves)
+    for k, (branches, name) in enumerate(zip(found, labels, strict=True)):
+        curves, color = style.first_branch(branches), style.COLORS[k % len(style.COLORS)]
         for axis, (variable, _) in zip(axes, panels, strict=False):
-            axis.plot(curves.actuation_pressure, curves[variable], line, color=style.COLORS[k % len(style.COLORS)], label=name)
+            axis.plot(curves.actuation_pressure, curves[variable], style.line_of(curves), color=color, label=name)
+            style.band(axis, branches, variable, color)
     for axis, (_, text) in zip(axes, panels, strict=False):
         axis.set(xlabel="$P_a$ [kPa]", ylabel=text, xlim=(0, float(dataset.actuation_pressure.max())))
     ratio = dataset.io_ratio.values[np.isfinite(dataset.io_ratio.values)]
     axes[2].axhline(1.0, color="0.5", lw=0.8, ls="--", zorder=0)
     axes[2].set_ylim(0, max(2.0, 1.1 * np.quantile(ratio, 0.98)) if len(ratio) else 2.0)
-    _bars(axes[3], [float(c.efficiency_90ml) for c in found], labels)
+    _bars(axes[3], xr.concat([c.efficiency_90ml for c in found], "case"), labels)
     style.legend(above, axes[0].get_legend_handles_labels()[0], style.gaps(dataset), len(cases))
     scale = stress_scale(shapes)
     pictures.pair_grid(dataset, shapes, lambda case: pictures_of(case, scale), below)
@@ -45,10 +49,11 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None, shapes: xr.Dataset)
     return figure
 
 
-def _bars(axis, efficiencies: list[float], labels: list[str]) -> None:
+def _bars(axis, efficiencies: xr.DataArray, labels: list[str]) -> None:
     """Efficiency at 90 ml of each case with its number; a cross for one that does not reach 90 ml."""
-    eta = 100 * np.array(efficiencies)
+    eta = 100 * style.first_branch(efficiencies).values
     at = np.arange(len(eta))
+    style.bars_of_branches(axis, at, efficiencies, 100)
     axis.bar(at, np.nan_to_num(eta), color=[style.COLORS[k % len(style.COLORS)] for k in at])
     for k, value in zip(at, eta, strict=True):
         axis.text(k, np.nan_to_num(value) + 0.8, f"{value:.1f}" if np.isfinite(value) else "×", ha="center", fontsize=6.5)

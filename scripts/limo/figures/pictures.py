@@ -44,8 +44,8 @@ def label(dim: str, value: object) -> str:
 
 
 def squeezed(shapes: xr.Dataset, dims: list[str]) -> xr.Dataset:
-    """The same without the dimensions of the cases that do not vary, except ``dims``; of branches the first."""
-    drop = {d: 0 for d in shapes.mesh_number.dims if d not in dims and (shapes.sizes[d] == 1 or d == "branch")}
+    """The same without the dimensions of the cases that do not vary, except ``dims``."""
+    drop = {d: 0 for d in shapes.mesh_number.dims if d not in dims and shapes.sizes[d] == 1}
     return shapes.isel(drop)
 
 
@@ -231,10 +231,14 @@ def rounded_up(value: float) -> float:
     return float(next(s for s in (1, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10) if s * power >= value * (1 - 1e-9)) * power)
 
 
+def branches_of(dataset: xr.Dataset, case: xr.Dataset) -> xr.Dataset:
+    """The same case in the study's dataset of curves, with all of its branches."""
+    return dataset.sel({d: case[d].values for d in dataset.case_status.dims if d in case.coords})
+
+
 def study_case(dataset: xr.Dataset, case: xr.Dataset) -> xr.Dataset:
-    """The same case in the study's dataset of curves."""
-    at = dataset.sel({d: case[d].values for d in dataset.case_status.dims if d in case.coords})
-    return at.isel(branch=0) if "branch" in at.dims else at
+    """The same case in the study's dataset of curves; of its branches the first."""
+    return style.first_branch(branches_of(dataset, case))
 
 
 def empty_reason(dataset: xr.Dataset, case: xr.Dataset, otherwise: str = "") -> str:

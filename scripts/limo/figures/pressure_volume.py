@@ -28,8 +28,7 @@ def curve_label(case: xr.Dataset, varying: list[str]) -> str:
 def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
     """Three panels over P_a: (a) Delta V_a, (b) stroke volume, (c) ratio, one curve a case, measured points on top."""
     figure, axes = style.panels(3)
-    band = dataset if "branch" in dataset.dims else None
-    dataset = dataset if band is None else dataset.isel(branch=0, drop=True)
+    every, dataset = dataset, style.first_branch(dataset)
     dims = [d for d in dataset.case_status.dims]
     varying = [d for d in dims if dataset.sizes[d] > 1]
     cases = dataset.stack(case=dims) if dims else dataset.expand_dims("case")
@@ -39,16 +38,14 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
         (axes[2], "io_ratio", "Ratio $\\Delta V_v / \\Delta V_a$ [-]"),
     )
     pressure = dataset.actuation_pressure.values
-    spread = None if band is None else band.stack(case=dims) if dims else band.expand_dims("case")
+    spread = every.stack(case=dims) if dims else every.expand_dims("case")
     for k in range(cases.sizes["case"]):
         case = cases.isel(case=k)
         color = style.COLORS[k % len(style.COLORS)]
         line = style.line_of(case)
         for axis, name, _ in panels:
             axis.plot(pressure, case[name], line, color=color, label=curve_label(case, varying))
-            if spread is not None:
-                values = spread.isel(case=k)[name]
-                axis.fill_between(pressure, values.min("branch"), values.max("branch"), color=color, alpha=0.25, lw=0)
+            style.band(axis, spread.isel(case=k), name, color)
         if "check_stroke_volume" in case and np.isfinite(case.check_stroke_volume).any():
             axes[1].plot(pressure, case.check_stroke_volume, ":", color=color, lw=1.2)
     if measured is not None:

@@ -15,6 +15,7 @@ from limo.figures.pressure_volume import curve_label
 def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
     """(a) Amplitude over cycles with its elastic and plastic branch, and each case's peak amplitude near seams on it."""
     fatigue = Fatigue.model_validate_json(dataset.attrs["fatigue"])
+    dataset = style.first_branch(dataset)
     figure, (axis,) = style.panels(1, width=5.5, height=3.6)
     last = fatigue.endurance_cycles.value
     cycles = np.logspace(0, np.log10(last), 400)

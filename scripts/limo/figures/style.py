@@ -10,6 +10,7 @@ import matplotlib
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
+import numpy as np
 import xarray as xr
 from PIL import Image
 
@@ -67,6 +68,25 @@ def stacked(width: float, *heights: float):
 def line_of(case: xr.Dataset) -> str:
     """Solid for a case that converged, dash-dotted for one that is degraded, dashed for one that failed."""
     return {"converged": "-", "degraded": "-."}.get(str(case.case_status.values), "--")
+
+
+def first_branch(dataset: xr.Dataset) -> xr.Dataset:
+    """The same of the flat state as it is alone, where a study has several branches."""
+    return dataset.isel(branch=0, drop=True) if "branch" in dataset.dims else dataset
+
+
+def band(axis, case: xr.Dataset, name: str, color: str, zorder: float = 1) -> None:
+    """Shade what the branches of a case reach of a curve, from the lowest to the highest; nothing where there is one."""
+    if "branch" in case.dims:
+        values = case[name]
+        low, high = values.min("branch"), values.max("branch")
+        axis.fill_between(case.actuation_pressure, low, high, color=color, alpha=0.25, lw=0, zorder=zorder)
+
+
+def bars_of_branches(axis, places: np.ndarray, values: xr.DataArray, factor: float = 1.0) -> None:
+    """Thin bars from the lowest to the highest of the branches of values (places, branch); nothing where there is one."""
+    if "branch" in values.dims:
+        axis.vlines(places, factor * values.min("branch"), factor * values.max("branch"), color="black", lw=0.8)
 
 
 def gaps(dataset: xr.Dataset, most: int = 5) -> list[str]:
