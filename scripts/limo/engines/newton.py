@@ -261,16 +261,17 @@ class _Run:
             left, done = state.free, sum(state.iterations.values())
             self.advance(RAMP, 1.0, ventricular, pressure)
             easy = sum(state.iterations.values()) - done <= EASY
-            self.visit([f for f in case.frames if before + _CLOSE < f < pressure - _CLOSE], before, left)
+            self.visit([f for f in case.frames if before + _CLOSE < f < pressure - _CLOSE], before, left, easy)
 
-    def visit(self, frames: list[float], before: float, left: np.ndarray) -> None:
+    def visit(self, frames: list[float], before: float, left: np.ndarray, easy: bool) -> None:
         """Find the equilibria at frames (kPa) within the last step, which left free displacements ``left`` at P_a ``before``.
 
-        Each starts between the two ends of the step, and the path goes on as if nobody had looked.
+        Each starts between the two ends of the step where that was ``easy``, else where it began: between the ends of a snap
+        lie crushed elements. The path goes on as if nobody had looked.
         """
         state, arrived, pressure, end = self.state, replace(self.state), self.pressures[-1], len(self.stages) - 1
         for place, frame in enumerate(frames):
-            state.free = left + (frame - before) / (pressure - before) * (arrived.free - left)
+            state.free = left + easy * (frame - before) / (pressure - before) * (arrived.free - left)
             self.advance(RAMP, 1.0, self.model.case.ventricular_pressure, frame)
             for history in (self.stages, self.pressures, self.kept, self.residuals):
                 history.insert(end + place, history.pop())
