@@ -49,14 +49,14 @@ def table(name: str) -> dict[str, tuple[str, ...]]:
 def rows(file: Path) -> dict[str, tuple[str, ...]]:
     """Dimensions, unit and meaning of every variable of a dataset, as netCDF itself has them.
 
-    The dimensions of a case are called ``case`` together; the length of a text is none.
+    The dimensions of a case are called ``case`` together, whether or not there are branches; the length of a text is none.
     """
     found = {}
     with netCDF4.Dataset(file) as data:
         for name, variable in data.variables.items():
             is_text = variable.dtype == "S1"
             dims = list(variable.dimensions[: -1 if is_text else None])
-            if set(CASE_DIMS) <= set(dims):
+            if set(CASE_DIMS) - {"branch"} <= set(dims):
                 dims = ["case", *(d for d in dims if d not in CASE_DIMS)]
             given = {a: variable.getncattr(a) for a in variable.ncattrs()}
             meaning = given.get("long_name", "")
