@@ -417,6 +417,13 @@ class Limits(Section):
         description="change of a volume between increments that is no buckling event, over the ventricle at rest",
         examples=[0.25],
     )
+    smallest_volume_ratio: float = Field(
+        0.5,
+        ge=0,
+        lt=1,
+        description="share of its volume that fabric keeps at every integration point, of all increments",
+        examples=[0.5],
+    )
 
 
 #: stands in the keys of a rung for the stage in which the attempt before failed

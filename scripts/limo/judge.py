@@ -6,7 +6,7 @@ So every solved case is measured (``measure``), the raw numbers are kept, and ``
 - wrong, hence ``diverged``: displacements that are no numbers or beyond all bounds, elements turned inside out, forces far
   out of equilibrium;
 - right within limits that a study may not accept, hence ``degraded``: too much damping, energy from nowhere, jumps of a volume
-  that are no buckling event, no rest before the ramp, a residual above its limit.
+  that are no buckling event, no rest before the ramp, a residual above its limit, fabric far beyond what its law is for.
 """
 
 from __future__ import annotations
@@ -159,6 +159,9 @@ def verdict(status: str, reason: str, checks: Checks, limits: Limits) -> tuple[s
     doubts = [] if checks.rested else ["the device had not come to rest at the end of the hold"]
     if checks.smallest_ventricle is not None and checks.smallest_ventricle <= 0:
         doubts.append("the ventricle's volume is negative: front and back pass through each other")
+    if checks.smallest_volume_ratio is not None and checks.smallest_volume_ratio < limits.smallest_volume_ratio:
+        crushed = f"fabric keeps {checks.smallest_volume_ratio:.2g} of its volume somewhere"
+        doubts.append(f"{crushed} (limit {limits.smallest_volume_ratio:g})")
     above = (
         (excess, limits.residual, "residual {:.2g} of the load"),
         (checks.viscous_share, limits.viscous_share, "damping carries {:.2g} of the load"),

@@ -115,6 +115,7 @@ def test_states_that_no_device_can_be_in(u, ratio, reason):
         ({"dissipated_fraction": 0.7}, "degraded", "0.7 of the actuation work dissipated"),
         ({"energy_created": 0.2}, "degraded", "came from nowhere"),
         ({"largest_jump": 0.4}, "degraded", "without an event"),
+        ({"smallest_volume_ratio": 0.4}, "degraded", "fabric keeps 0.4 of its volume somewhere (limit 0.5)"),
         ({"rested": False}, "degraded", "not come to rest"),
         ({"smallest_ventricle": -0.1}, "degraded", "front and back pass through each other"),
         ({"rested": False, "viscous_share": 0.2}, "degraded", "not come to rest at the end of the hold; damping"),
