@@ -1,6 +1,7 @@
 """The gallery: datasets of the studies, small enough to keep, figures drawn from them alone, and a page of both.
 
-``data/<study>.nc`` and ``data/<study>_shapes.nc`` are what a study's figures are drawn from: no solver, and no other file.
+``data/<study>.nc`` and ``data/<study>_shapes.nc`` are what a study's figures are drawn from: no solver, and no other file;
+``data/material.nc`` is the tensile test with its fit.
 """
 
 from __future__ import annotations
@@ -18,18 +19,20 @@ import xarray as xr
 from limo.config import Loaded, load_config
 from limo.cost import duration
 from limo.errors import LimoError
-from limo.figures import SHAPES, style
+from limo.figures import SHAPES, style, tensile_test
 from limo.figures.measured import read_measured
 from limo.files import write_whole
 
 #: bytes that all of the gallery's data may take together
 LARGEST_DATA = 5_000_000
 PAGE = "README.md"
+#: the fit of the fabric's modulus, which is no study: where it is made, kept and drawn
+MATERIAL, MATERIAL_KEPT, MATERIAL_FIGURE = Path("material/tensile_test.nc"), "material.nc", "material_tensile_test.png"
 _EXAMPLE = "limo gallery afterload"
 
 
 def keep(loaded: Loaded, studies: Iterable[str], results: Path, gallery: Path) -> list[Path]:
-    """Copy the datasets of studies (none: all that are gathered) from ``results`` into the gallery; returns the copies.
+    """Copy the datasets of studies (none: all that are gathered, and the tensile test) from ``results``; returns the copies.
 
     Raises ``LimoError`` for a study that is named and not gathered, and when the gallery's data would exceed
     ``LARGEST_DATA``; nothing is copied then.
@@ -43,6 +46,8 @@ def keep(loaded: Loaded, studies: Iterable[str], results: Path, gallery: Path) -
         for file, kept in (("study.nc", f"{name}.nc"), ("shapes.nc", f"{name}_shapes.nc")):
             if (folder / file).exists():
                 copies[gallery / "data" / kept] = folder / file
+    if not named and (results / MATERIAL).exists():
+        copies[gallery / "data" / MATERIAL_KEPT] = results / MATERIAL
     stay = [f for f in (gallery / "data").glob("*") if f not in copies]
     total = sum(f.stat().st_size for f in (*stay, *copies.values()))
     if total > LARGEST_DATA:
@@ -53,21 +58,26 @@ def keep(loaded: Loaded, studies: Iterable[str], results: Path, gallery: Path) -
 
 
 def draw(loaded: Loaded, studies: Iterable[str], gallery: Path) -> list[Path]:
-    """Draw the figures of studies (none: all in the gallery) from the gallery's data, and its page; returns the files.
+    """Draw the figures of studies (none: all that the gallery holds) from its data, and its page; returns the files.
 
     Raises ``LimoError`` for a study whose data are not there.
     """
-    files = []
-    for name in list(studies) or _kept(loaded, gallery):
+    named, files = list(studies), []
+
+    def add(name: str, drawn) -> None:
+        files.append(gallery / name)
+        write_whole(files[-1], lambda path: style.save(drawn, path))
+        style.close(drawn)
+
+    for name in named or _kept(loaded, gallery):
         data = [gallery / "data" / f"{name}.nc", gallery / "data" / f"{name}_shapes.nc"]
         study = loaded.studies[name]
         measured = read_measured(Path(study.measured)) if study.measured else None
         for figure in study.figures:
             datasets = [_read(file) for file in data[: 1 + (figure in SHAPES)]]
-            drawn = import_module(f"limo.figures.{figure}").draw(datasets[0], measured, *datasets[1:])
-            files.append(gallery / f"{name}_{figure}.png")
-            write_whole(files[-1], lambda path, drawn=drawn: style.save(drawn, path))
-            style.close(drawn)
+            add(f"{name}_{figure}.png", import_module(f"limo.figures.{figure}").draw(datasets[0], measured, *datasets[1:]))
+    if not named and (gallery / "data" / MATERIAL_KEPT).exists():
+        add(MATERIAL_FIGURE, tensile_test.draw(_read(gallery / "data" / MATERIAL_KEPT)))
     page = gallery / PAGE
     write_whole(page, lambda path: path.write_text(_page(loaded, gallery), encoding="utf-8"))
     return [*files, page]
@@ -109,6 +119,8 @@ def _page(loaded: Loaded, gallery: Path) -> str:
         ]
         if gaps := style.gaps(dataset):
             sections.append("\n".join(f"- {gap}" for gap in gaps))
+    if (gallery / MATERIAL_FIGURE).exists():
+        sections.append(f"## material\n\nThe fabric's modulus from a tensile test.\n\n![tensile test]({MATERIAL_FIGURE})")
     return "\n\n".join(
         [
             "# Gallery",

@@ -12,6 +12,7 @@ from limo.cli import main
 from limo.config import load_config
 from limo.dataset import gather_study
 from limo.errors import LimoError
+from limo.material import tensile_test
 
 
 @pytest.fixture
@@ -45,6 +46,18 @@ def test_what_is_gathered_is_kept_and_drawn_and_the_page_says_what_failed(projec
     assert "(one_pressure_volume.png)" in page
     assert "missing, not solved" in page
     assert "volumes of one device" in page
+
+
+def test_the_tensile_test_is_kept_with_its_picture(project, capsys):
+    folder = project / "results/material"
+    folder.mkdir()
+    tensile_test(load_config("config/config.yaml").config.tensile_test).to_netcdf(folder / "tensile_test.nc")
+    assert main(["gallery", "one"]) == 0
+    assert "material" not in capsys.readouterr().out, "only what is named"
+    assert main(["gallery"]) == 0
+    assert "docs/gallery/data/material.nc" in capsys.readouterr().out
+    assert (project / "docs/gallery/material_tensile_test.png").stat().st_size < 300_000
+    assert "(material_tensile_test.png)" in (project / "docs/gallery/README.md").read_text()
 
 
 def test_figures_come_from_the_gallery_alone(project):
