@@ -22,7 +22,7 @@ LOG = "logs/sweep.log"  # in the folder of results
 _STYLES = {"running": "cyan", "waiting": "dim", "converged": "green", "degraded": "yellow", "stale": "yellow"} | dict.fromkeys(
     ("diverged", "timed_out", "crashed"), "red"
 )
-_WIDTH = 130  # columns where there is no terminal
+_WIDTH = 150  # columns where there is no terminal
 _OTHERS = 8  # lines of a terminal that are not cases
 
 
@@ -42,13 +42,15 @@ def table(sweep: Sweep, statuses: Sequence[CaseStatus], height: int | None = Non
     names = short_names(s.case for s in statuses)
     made = Table(box=None, pad_edge=False, caption=_totals(sweep, statuses, len(statuses) - len(shown)), caption_justify="left")
     made.add_column("case", no_wrap=True)
-    for title in ("status", "stage"):
+    varied = any(s.variant for s in statuses)
+    for title in ("variant",) * varied + ("status", "stage"):
         made.add_column(title, no_wrap=True)
     for title in ("P_a \\[kPa]", "of", "incr", "cut", "iter", "iter/s", "time", "left"):
         made.add_column(title, no_wrap=True, justify="right")
     for s in shown:
         cells = (
             names[s.case],
+            *(s.variant,) * varied,
             Text(s.status, style=_STYLES[s.status]),
             s.stage,
             _text(s.actuation_pressure, "{:.1f}"),
@@ -143,7 +145,7 @@ def changes(before: dict[str, CaseStatus], statuses: Sequence[CaseStatus]) -> li
         old = before.get(s.case)
         if s.status == "waiting" or (old is not None and _milestone(old) == _milestone(s)):
             continue
-        parts = [names[s.case], s.status]
+        parts = [names[s.case], *(s.variant,) * bool(s.variant), s.status]
         if s.stage and s.actuation_pressure is not None and s.actuation_pressure_max is not None:
             parts.append(f"{s.stage}, P_a = {s.actuation_pressure:.1f} of {s.actuation_pressure_max:g} kPa")
         if s.iterations is not None:

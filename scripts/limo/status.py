@@ -12,7 +12,7 @@ import re
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +24,7 @@ from limo.engines.calculix import JOB, read_sta
 from limo.engines.find import find_engines
 from limo.errors import ResultError
 from limo.files import read_json
-from limo.plan import Plan, Solved, holds, is_sound, make_plan
+from limo.plan import CROSS_CHECK, Plan, Solved, holds, is_sound, make_plan
 from limo.progress import FILE, LOCK, NUMERICS, solving_since
 
 ENDED = ("converged", "degraded", "diverged", "timed_out", "crashed")
@@ -38,7 +38,10 @@ _ITERATION = re.compile(rb"^\s+\d+\s+\d+\s+\d+\s+\d+\s", re.MULTILINE)
 
 @dataclass(frozen=True)
 class CaseStatus:
-    """Where a case is. Pressures in kPa; times in s, of the wall clock; None for what is not known or does not apply."""
+    """Where a case is. Pressures in kPa; times in s, of the wall clock; None for what is not known or does not apply.
+
+    ``variant``: variant and branch of the study that wants it, which its name has as a hash only.
+    """
 
     case: str
     status: str
@@ -52,6 +55,7 @@ class CaseStatus:
     iterations_per_second: float | None = None
     seconds: float | None = None
     seconds_left: float | None = None
+    variant: str = ""
 
 
 @dataclass(frozen=True)
@@ -75,6 +79,7 @@ class Sweep:
         self.workers = max(cores // loaded.config.solver.threads, 1)
         wanted = dict.fromkeys(n for study in studies for n in (*plan.of_study(study), *plan.checks_of_study(study)))
         self.named = list(wanted)
+        self.variants = _variants(plan, studies)
         others = [n for n in plan.cases if n not in wanted]
         self.others = [] if set(studies) == set(loaded.studies) else others
         every = list(plan.cases)
@@ -87,7 +92,8 @@ class Sweep:
         return found + list(begun)
 
     def _case(self, name: str) -> CaseStatus:
-        return case_status(self.plan.cases[name], self.results / "cases" / name, self.predicted[name])
+        found = case_status(self.plan.cases[name], self.results / "cases" / name, self.predicted[name])
+        return replace(found, variant=self.variants.get(name, ""))
 
     def totals(self, statuses: Sequence[CaseStatus]) -> dict[str, Any]:
         """How many cases are in each status, and the wall time (s) that is left."""
@@ -95,6 +101,19 @@ class Sweep:
         left = [c.seconds_left for c in statuses if c.seconds_left]
         workers = max(self.workers, counts["running"])
         return {"cases": len(statuses), **counts, "seconds_left": round(schedule(left, workers), 1)}
+
+
+def _variants(plan: Plan, studies: Sequence[str]) -> dict[str, str]:
+    """What studies call the cases that they tell apart by variant or branch, by case id."""
+    found: dict[str, dict[str, None]] = {}
+    for study in studies:
+        for key, name in plan.served[study].items():
+            *_, variant, branch = key
+            said = [CROSS_CHECK.replace("_", " ")] if key[0] == CROSS_CHECK else []
+            said += [variant] * bool(variant) + [f"branch {branch}"] * bool(branch)
+            if said:
+                found.setdefault(name, {})[", ".join(said)] = None
+    return {name: " = ".join(said) for name, said in found.items()}
 
 
 def open_sweep(config_file: str, studies: Sequence[str], results: Path, cores: int) -> Sweep:

@@ -274,6 +274,23 @@ def test_the_table_has_a_line_a_case_and_totals(sweep):
     assert max(map(len, printed(table(sweep, statuses), 80).splitlines())) <= 80
 
 
+def test_variants_and_branches_are_named(loaded, tmp_path):
+    axes = {"n_pouches": [6], "ventricular_pressure": [3.8]}
+    thick = {"thick": {"description": "0.2 mm", "material": {"thickness": 0.2}}, "as_it_is": {"description": "the device"}}
+    studies = {
+        "varied": Study(axes=axes, actuation_pressure_max=60, variants=thick, branches=2, engine="newton"),
+        "plain": Study(axes=axes, actuation_pressure_max=60, engine="newton"),
+    }
+    of = Loaded(loaded.config, loaded.devices, studies, loaded.files)
+    both = Sweep(of, make_plan(of, tmp_path), ["varied", "plain"], tmp_path, 2)
+    statuses = both.look()
+    assert [s.variant for s in statuses] == ["thick", "thick, branch 1", "as_it_is", "as_it_is, branch 1"]
+    assert statuses[2].case in make_plan(of, tmp_path).of_study("plain"), "shared with a study that varies nothing"
+    assert " thick, branch 1 " in printed(table(both, statuses))
+    alone = Sweep(of, make_plan(of, tmp_path), ["plain"], tmp_path, 2)
+    assert "variant" not in printed(table(alone, alone.look()))
+
+
 def test_one_case_that_failed_is_a_failure(sweep):
     statuses = sweep.look()
     assert failed(statuses)
