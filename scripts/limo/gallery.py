@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import re
 import shutil
+import tempfile
 from collections.abc import Iterable
 from importlib import import_module
 from pathlib import Path
@@ -21,18 +22,20 @@ from limo.cost import duration
 from limo.errors import LimoError
 from limo.figures import SHAPES, style, tensile_test
 from limo.figures.measured import read_measured
-from limo.files import write_whole
+from limo.files import write_netcdf, write_whole
 
 #: bytes that all of the gallery's data may take together
 LARGEST_DATA = 5_000_000
 PAGE = "README.md"
 #: the fit of the fabric's modulus, which is no study: where it is made, kept and drawn
 MATERIAL, MATERIAL_KEPT, MATERIAL_FIGURE = Path("material/tensile_test.nc"), "material.nc", "material_tensile_test.png"
+#: how curves are kept
+SQUEEZED = {"dtype": "float32", "zlib": True, "shuffle": True, "complevel": 9}
 _EXAMPLE = "limo gallery afterload"
 
 
 def keep(loaded: Loaded, studies: Iterable[str], results: Path, gallery: Path) -> list[Path]:
-    """Copy the datasets of studies (none: all that are gathered, and the tensile test) from ``results``; returns the copies.
+    """Take the datasets of studies (none: all that are gathered, and the tensile test) from ``results``; returns what is kept.
 
     Raises ``LimoError`` for a study that is named and not gathered, and when the gallery's data would exceed
     ``LARGEST_DATA``; nothing is copied then.
@@ -49,12 +52,25 @@ def keep(loaded: Loaded, studies: Iterable[str], results: Path, gallery: Path) -
     if not named and (results / MATERIAL).exists():
         copies[gallery / "data" / MATERIAL_KEPT] = results / MATERIAL
     stay = [f for f in (gallery / "data").glob("*") if f not in copies]
-    total = sum(f.stat().st_size for f in (*stay, *copies.values()))
-    if total > LARGEST_DATA:
-        raise LimoError(f"{gallery / 'data'}: {total / 1e6:.1f} MB together; {LARGEST_DATA / 1e6:g} MB is the most")
-    for target, source in copies.items():
-        write_whole(target, lambda path, source=source: shutil.copyfile(source, path))
+    with tempfile.TemporaryDirectory() as folder:
+        packed = {target: _packed(source, Path(folder) / target.name) for target, source in copies.items()}
+        total = sum(f.stat().st_size for f in (*stay, *packed.values()))
+        if total > LARGEST_DATA:
+            raise LimoError(f"{gallery / 'data'}: {total / 1e6:.1f} MB together; {LARGEST_DATA / 1e6:g} MB is the most")
+        for target, source in packed.items():
+            write_whole(target, lambda path, source=source: shutil.copyfile(source, path))
     return list(copies)
+
+
+def _packed(source: Path, target: Path) -> Path:
+    """A dataset as it is kept, written to ``target``; only ``study.nc`` is not packed already."""
+    if source.name != "study.nc":
+        shutil.copyfile(source, target)
+        return target
+    dataset = _read(source)
+    curves = [n for n, v in dataset.data_vars.items() if v.size > 1000 and v.dtype.kind == "f"]
+    write_netcdf(dataset, target, dict.fromkeys(curves, SQUEEZED), checked=False)
+    return target
 
 
 def draw(loaded: Loaded, studies: Iterable[str], gallery: Path) -> list[Path]:

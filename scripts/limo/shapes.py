@@ -33,7 +33,8 @@ from limo.stress import von_mises_map
 from limo.zones import distances
 
 MESH = {"long_name": "name of a mesh, of its file in results/meshes"}
-_LEVELS = 32000  # steps of a packed variable on either side of zero
+_LEVELS = 4000  # steps of a packed variable on either side of zero: more would be noise, which no compression takes
+_LEVELS_OF_MESH = 32000  # the same of what there is once a mesh
 
 
 @dataclass(frozen=True)
@@ -142,12 +143,13 @@ def gather_shapes(
 
 
 def write_shapes(dataset: xr.Dataset, path: Path) -> None:
-    """Write shapes packed: numbers as 16-bit steps of 1/32000 of their largest, which is 0.01 mm in displacements."""
+    """Write shapes packed: numbers as steps of 1/4000 of their largest, which is 0.01 mm in displacements; finer the mesh."""
     encoding = {}
     for name, values in dataset.variables.items():
         if values.dtype.kind == "f" and values.size > 1000:
             largest = np.nanmax(np.abs(values.values)) if np.isfinite(values.values).any() else 0.0
-            scale = float(np.float32(max(largest, 1e-12) / _LEVELS))
+            levels = _LEVELS_OF_MESH if name in VARIABLES and VARIABLES[name].of_mesh else _LEVELS
+            scale = float(np.float32(max(largest, 1e-12) / levels))
             encoding[name] = {"dtype": "int16", "scale_factor": scale, "_FillValue": -32768}
         if values.size > 1000 and values.dtype.kind in "fiu":
             encoding[name] = encoding.get(name, {}) | {"zlib": True, "shuffle": True, "complevel": 9}
