@@ -310,11 +310,24 @@ def _decades(run: Run) -> float:
 # --------------------------------------------------------------------------------------------------------------------
 # the kept dataset
 
-#: what is text in a row
-TEXT = (
-    *("device", "part", "kind", "setting", "description", "varied", "change", "preset", "engine", "build", "level"),
-    *("symmetry", "element", "status", "reason"),
-)
+#: texts in a row: meaning
+TEXT = {
+    "device": "device that was measured, such as np4",
+    "part": "what a run is for: accuracy, shells, reference or scatter",
+    "kind": "run, or of an ensemble scatter among its members or mean of them",
+    "setting": "variant of the study, or the part where that has none",
+    "description": "the variant in words",
+    "varied": "what of the default a run changes: level, symmetry, element, engine, numerics, fabric",
+    "change": "to what",
+    "preset": "preset that has these settings",
+    "engine": "calculix or newton",
+    "build": "build of the solver",
+    "level": "mesh level",
+    "symmetry": "full, front_back (mirror in z = 0) or quarter (and in x = 0)",
+    "element": "element of the fabric",
+    "status": "how the solve ended",
+    "reason": "why",
+}
 #: numbers in a row besides errors: units, meaning
 NUMBERS = {
     "branch": ("1", "0 for the flat state as it is, else the seed of a tiny perturbation of it"),
@@ -379,7 +392,7 @@ def gather_errors(loaded: Loaded, results: Path, sources: Mapping[str, Sequence[
     data["section_run"] = ("section", np.array(shown, float))
     cuts = _stacked([surfaces[k].sections for k in shown], data["frame_height"][1].shape[1])
     data["sections"] = (("section", "frame", "segment", "end", "plane"), cuts)
-    dataset = xr.Dataset(data, coords={"actuation_pressure": ("actuation_pressure", pressure, {"units": "kPa"})})
+    dataset = xr.Dataset(data, coords={"actuation_pressure": pressure})
     return _described(dataset).assign_attrs(
         title="errors of the settings of the device",
         machine=processor(),
@@ -434,6 +447,9 @@ def _described(dataset: xr.Dataset) -> xr.Dataset:
     }
     for name, (units, long_name) in words.items():
         dataset[name].attrs = {"units": units, "long_name": long_name}
+    for name, long_name in TEXT.items():
+        dataset[name].attrs = {"long_name": long_name}
+    dataset.actuation_pressure.attrs = {"units": "kPa", "long_name": "actuation pressure, P_a"}
     return dataset
 
 

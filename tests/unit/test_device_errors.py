@@ -39,6 +39,7 @@ from limo.device_report import NOT_MEASURED, QUESTIONS, device_report, differenc
 from limo.errors import ResultError
 from limo.figures import DEVICE_FIGURES, style
 
+from ..workflow.test_results import rows, table
 from .patches import grid
 
 PRESSURE = np.linspace(0.0, 60.0, 121)
@@ -220,6 +221,12 @@ def gathered(loaded, make_run, make_case, monkeypatch):
     ]
     monkeypatch.setattr(device_errors, "runs_of", lambda loaded, device, *_: runs if device == "np4" else [])
     return gather_errors(loaded, None, {})
+
+
+def test_the_page_of_results_says_what_is_in_the_file(gathered, tmp_path):
+    file = tmp_path / "accuracy.nc"
+    write_errors(gathered, file)
+    assert rows(file) == table("accuracy.nc")
 
 
 def test_rows_survive_their_file(gathered, tmp_path):
