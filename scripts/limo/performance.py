@@ -264,7 +264,8 @@ def _targets(rows: pd.DataFrame, overhead: pd.DataFrame) -> pd.DataFrame:
     def add(name: str, value: float | None, limit: float, unit: str, most: bool = True) -> None:
         met = "not measured" if value is None else "yes" if (value <= limit) == most else "no"
         bound = f"{'at most' if most else 'at least'} {limit:g} {unit}"
-        table.append({"target": name, "bound": bound, "measured": "-" if value is None else f"{value:.3g} {unit}", "met": met})
+        measured = "-" if value is None else f"{value:,.0f} {unit}" if value >= 1000 else f"{value:.3g} {unit}"
+        table.append({"target": name, "bound": bound, "measured": measured, "met": met})
 
     for batch, limit in (("grid_preview_calculix", 45), ("grid_preview_newton", 10), ("grid_paper_density_newton", 120)):
         complete = batch in grids.index and grids.loc[batch, "cases"] == 19

@@ -52,7 +52,7 @@ HELD_SHARE, SMALLEST_FORCE = 1e-3, 1e-9
 #: Venant-Kirchhoff fabric gives way below a stretch of 1/sqrt(3) (some 0.7 of its volume) and is at rest again as its own mirror
 #: image, the second because on fine meshes a step of millimetres can overshoot to there. Devices at rest are above 0.75
 SMALLEST_VOLUME, LARGEST_GROWTH = 0.7, 0.25
-#: the share they keep where no step leaves them more: in snaps of single creases elements come down to 0.62 and recover, and
+#: the share they keep where no step leaves them more: in snaps of single creases elements come down to 0.44 and recover, and
 #: fabric that is stretched until its law gives way thins to that
 LEAST_VOLUME = 0.2
 #: shares of a step that are tried before the shift is raised
