@@ -63,10 +63,9 @@ def keep(loaded: Loaded, studies: Iterable[str], results: Path, gallery: Path) -
 
 
 def _packed(source: Path, target: Path) -> Path:
-    """A dataset as it is kept, written to ``target``; only ``study.nc`` is not packed already."""
+    """The file to keep: the curves of a ``study.nc`` go packed into ``target``, anything else is packed already."""
     if source.name != "study.nc":
-        shutil.copyfile(source, target)
-        return target
+        return source
     dataset = _read(source)
     curves = [n for n, v in dataset.data_vars.items() if v.size > 1000 and v.dtype.kind == "f"]
     write_netcdf(dataset, target, dict.fromkeys(curves, SQUEEZED), checked=False)

@@ -148,7 +148,7 @@ def write_shapes(dataset: xr.Dataset, path: Path) -> None:
     for name, values in dataset.variables.items():
         if values.dtype.kind == "f" and values.size > 1000:
             largest = np.nanmax(np.abs(values.values)) if np.isfinite(values.values).any() else 0.0
-            levels = _LEVELS_OF_MESH if name in VARIABLES and VARIABLES[name].of_mesh else _LEVELS
+            levels = _LEVELS_OF_MESH if "mesh" in values.dims else _LEVELS
             scale = float(np.float32(max(largest, 1e-12) / levels))
             encoding[name] = {"dtype": "int16", "scale_factor": scale, "_FillValue": -32768}
         if values.size > 1000 and values.dtype.kind in "fiu":

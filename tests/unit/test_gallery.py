@@ -13,6 +13,7 @@ from limo.cli import main
 from limo.config import load_config
 from limo.dataset import gather_study
 from limo.errors import LimoError
+from limo.files import write_netcdf
 from limo.material import tensile_test
 
 
@@ -49,6 +50,18 @@ def test_what_is_gathered_is_kept_and_drawn_and_the_page_says_what_failed(projec
     assert "(one_pressure_volume.png)" in page
     assert "missing, not solved" in page
     assert "volumes of one device" in page
+
+
+def test_curves_are_kept_in_fewer_bytes_and_to_six_digits(project, root):
+    source, target = project / "results/studies/one/study.nc", project / "kept.nc"
+    curves = xr.load_dataset(root / "docs/gallery/data/afterload.nc")
+    curves = curves.map(lambda v: v.astype(float) * (1 + 1e-9) if v.dtype.kind == "f" else v, keep_attrs=True)
+    write_netcdf(curves.drop_encoding(), source, checked=False)
+    assert gallery._packed(source, target) == target
+    assert target.stat().st_size < 0.8 * source.stat().st_size
+    kept = xr.load_dataset(target)
+    assert kept.stroke_volume.dtype == "float32"
+    xr.testing.assert_allclose(kept, curves, rtol=1e-6)
 
 
 def test_the_tensile_test_is_kept_with_its_picture(project, capsys):
