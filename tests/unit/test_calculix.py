@@ -80,6 +80,18 @@ def test_sta_file_that_is_absent_or_full_of_stars_has_no_increments(tmp_path):
     assert read_sta(tmp_path / "deck.sta") == ()
 
 
+def test_the_last_lines_of_a_sta_file_are_whole_ones(tmp_path):
+    path = tmp_path / "deck.sta"
+    lines = [f"     1  {n:9d}     1     3  0.205000E+02  0.205000E+02  0.200000E+02\n" for n in range(1, 51)]
+    path.write_text("SUMMARY OF JOB INFORMATION\n" + "".join(lines))
+    everything = read_sta(path)
+    assert [i.increment for i in everything] == list(range(1, 51))
+    for last in (len(lines[0]) // 2, 3 * len(lines[0]), 3 * len(lines[0]) + 5, path.stat().st_size, 10**6):
+        found = read_sta(path, last)
+        assert found == everything[len(everything) - len(found) :]
+        assert len(found) == min(max(0, (last - 1) // len(lines[0])), 50)
+
+
 # --------------------------------------------------------------------------------------------------------------------
 # the verdict
 
@@ -147,6 +159,21 @@ def test_run_that_fails_has_a_status_and_a_reason(solver_script, tmp_path, lines
     assert outcome.status == status
     assert reason in outcome.reason
     assert outcome.wall_seconds < 30
+
+
+def crawl(size: float) -> str:
+    """A shell script's lines: a solver that accepts one increment after the other, of ``size`` s each, and is slow to end."""
+    line = f"     1 %10d     1     2  0.100000E-01  0.100000E-01  {size:.6E}"
+    return f"for i in $(seq {2 * calculix.CRAWLING}); do printf '{line}\\n' $i; done > deck.sta\nsleep 2"
+
+
+@pytest.mark.parametrize(("pace", "reason"), [(0.5, "1000 increments took it"), (2.0, "exit code 0")])
+def test_a_run_that_iterates_and_gets_nowhere_is_stopped(monkeypatch, solver_script, tmp_path, pace, reason):
+    monkeypatch.setattr(calculix, "_LOOK_AT_STA", 0.0)
+    size = pace * calculix.CRAWLED * END / calculix.CRAWLING
+    outcome = run(tmp_path, solver_script(crawl(size)), Solver(), END)
+    assert outcome.status == ("timed_out" if pace < 1 else "diverged")
+    assert reason in outcome.reason
 
 
 def test_progress_in_the_log_alone_is_no_stall(solver_script, tmp_path):

@@ -41,6 +41,11 @@ _POLL = 0.5  # s between looks at a running solver
 OUTSIDE = frozenset({signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGQUIT, signal.SIGXCPU})
 #: what CalculiX's u_calloc, the loader of its libraries, the Fortran library and PARDISO say
 NO_MEMORY = re.compile(r"error allocating memory|failed to map segment|[Cc]annot allocate memory|PARDISO[^\n]*-2\b")
+#: a run crawls when this many accepted increments in a row get through less than this share of its time: the rest would take
+#: a hundred million
+CRAWLING, CRAWLED = 1000, 1e-5
+_LOOK_AT_STA = 5.0  # s between looks at how far a solver's clock is
+_STA_LINE = 70  # bytes
 LEAST_DISK = 1 << 20  # bytes free, below which CalculiX's files end anywhere: it does not look at what was written
 
 
@@ -159,15 +164,21 @@ class Run:
 _STA = re.compile(r"^\s*(\d+)\s+(\d+)\s+(\d+)(U?)\s+(\d+)\s+(\S+)\s+(\S+)\s+(\S+)\s*$")
 
 
-def read_sta(path: Path) -> tuple[Increment, ...]:
-    """Increments from a .sta file; lines that are not (yet) complete are left out.
+def read_sta(path: Path, last: int | None = None) -> tuple[Increment, ...]:
+    """Increments from a .sta file, or some of its ``last`` bytes; lines that are not (yet) complete are left out.
 
     CalculiX writes the time before a rejected attempt, so ``total_time`` of such a line is where it started from.
     """
     if not path.exists():
         return ()
     increments = []
-    text = path.read_text(encoding="ascii", errors="replace")
+    with path.open("rb") as file:
+        if last is not None and file.seek(0, os.SEEK_END) > last:
+            file.seek(-last, os.SEEK_END)
+            file.readline()  # a part of one
+        else:
+            file.seek(0)
+        text = file.read().decode("ascii", errors="replace")
     for line in text[: text.rfind("\n") + 1].splitlines():
         if match := _STA.match(line):
             step, increment, attempt, rejected, iterations, *times = match.groups()
@@ -254,7 +265,7 @@ def run(folder: Path, command: Path, solver: Solver, end_time: float) -> Run:
     """Run ``folder/deck.inp`` up to ``end_time`` (solver s) and judge the outcome; the log goes to ``folder/ccx.log``.
 
     The solver runs in a process group of its own, which is ended when it exceeds ``time_limit``, makes no Newton
-    iteration for ``stall_limit``, or when this process is interrupted.
+    iteration for ``stall_limit``, crawls, or when this process is interrupted.
     """
     log_path = folder / "ccx.log"
     threads = str(solver.threads)
@@ -274,7 +285,7 @@ def run(folder: Path, command: Path, solver: Solver, end_time: float) -> Run:
             preexec_fn=_die_with_parent,
         )
         try:
-            stopped, exit_code, usage = _watch(process, folder, solver, started)
+            stopped, exit_code, usage = _watch(process, folder, solver, started, end_time)
         except BaseException:
             _kill(process)
             raise
@@ -303,9 +314,9 @@ def _outside(exit_code: int, log: str, folder: Path) -> str:
     return "the disk is full" if shutil.disk_usage(folder).free < LEAST_DISK else ""
 
 
-def _watch(process: subprocess.Popen, folder: Path, solver: Solver, started: float):
+def _watch(process: subprocess.Popen, folder: Path, solver: Solver, started: float, end_time: float):
     """Wait for the end; returns why it was stopped (or ""), its exit code and its resource usage."""
-    progress, seen_at, stopped = -1, started, ""
+    progress, seen_at, looked_at, stopped = -1, started, started, ""
     while True:
         pid, wait_status, usage = os.wait4(process.pid, os.WNOHANG)
         if pid:
@@ -319,9 +330,20 @@ def _watch(process: subprocess.Popen, folder: Path, solver: Solver, started: flo
             stopped = f"stopped after the time limit of {solver.time_limit:g} min"
         elif not stopped and now - seen_at > 60 * solver.stall_limit:
             stopped = f"stopped after {solver.stall_limit:g} min without a Newton iteration"
+        elif not stopped and now - looked_at > _LOOK_AT_STA:
+            looked_at, stopped = now, _crawls(folder / f"{JOB}.sta", end_time)
         if stopped:
             _signal(process, signal.SIGKILL)
         time.sleep(_POLL)
+
+
+def _crawls(sta: Path, end_time: float) -> str:
+    """Why a run that iterates and gets nowhere is stopped, or "" for one that gets on."""
+    accepted = [i for i in read_sta(sta, last=2 * CRAWLING * _STA_LINE) if i.accepted][-CRAWLING:]
+    covered = sum(i.size for i in accepted)
+    if len(accepted) < CRAWLING or covered > CRAWLED * end_time:
+        return ""
+    return f"stopped at {accepted[-1].total_time:.4g} s of {end_time:.4g} s: {CRAWLING} increments took it {covered:.1e} s further"
 
 
 @contextlib.contextmanager
