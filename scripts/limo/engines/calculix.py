@@ -343,7 +343,9 @@ def _crawls(sta: Path, end_time: float) -> str:
     covered = sum(i.size for i in accepted)
     if len(accepted) < CRAWLING or covered > CRAWLED * end_time:
         return ""
-    return f"stopped at {accepted[-1].total_time:.4g} s of {end_time:.4g} s: {CRAWLING} increments took it {covered:.1e} s further"
+    return (
+        f"stopped at {accepted[-1].total_time:.4g} s of {end_time:.4g} s: {CRAWLING} increments took it {covered:.1e} s further"
+    )
 
 
 @contextlib.contextmanager
