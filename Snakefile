@@ -41,7 +41,8 @@ except LimoError as error:
 
 SWEEP = enter_sweep(Path("results"), Path(".snakemake/locks")) if workflow.is_main_process else None
 STRESS_TEST = {key: case.case_id for key, case in stress_cases(LOADED).items()}
-PLAN = make_plan(LOADED).with_cases(stress_cases(LOADED).values())
+STUDIES = make_plan(LOADED)
+PLAN = STUDIES.with_cases(stress_cases(LOADED).values())
 COSTS = plan_costs(PLAN)
 MESH_IDS = {name: case.mesh_id for name, case in PLAN.cases.items()}
 RENDERER_LACKS = renderer_lacks()

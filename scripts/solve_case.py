@@ -12,6 +12,7 @@ with logged(snakemake.log[0]) as log:  # noqa: F821
     case = Case.from_dict(snakemake.params.case)  # noqa: F821
     chosen = snakemake.config["solving"]  # noqa: F821
     solver, limits = Solver.model_validate(chosen["solver"]), Limits.model_validate(chosen["limits"])
+    solver = solver.model_copy(update={"time_limit": snakemake.resources.attempt_seconds / 60})  # noqa: F821
     rungs = getattr(Recovery.model_validate(chosen["recovery"]), case.engine)
     how = (solver, Path(chosen["command"]), limits, rungs, snakemake.params.recovery)  # noqa: F821
     folder = Path(snakemake.output.status).parent  # noqa: F821

@@ -789,6 +789,9 @@ class StressTest(Section):
     numerics: str | None = Field(None, pattern=NAME, description="name of a preset, instead of the default", examples=["fast"])
     seed: int = Field(1, ge=0, le=2**32 - 1, description="of the hypercube", examples=[1])
     actuation_above: float = Field(40.0, gt=0, le=500, description="P_a,max - P_v in kPa", examples=[40.0])
+    time_limit: float | None = Field(
+        None, gt=0, description="minutes of wall time an attempt may take, instead of the solver's time_limit", examples=[2.0]
+    )
     boxes: dict[Annotated[str, Field(pattern=NAME)], Box] = Field(min_length=1, description="boxes by name")
 
 

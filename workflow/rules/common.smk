@@ -14,6 +14,14 @@ def mesh_of_case(wildcards):
         raise WorkflowError(f"{wildcards.case}: no study of {CONFIG_FILE} uses this case") from None
 
 
+def attempt_seconds(case):
+    """How long an attempt at a case may take: the limit of the stress test holds for what no study asks for."""
+    test, limit = LOADED.config.stress_test, LOADED.config.solver.time_limit
+    if test and test.time_limit and case not in STUDIES.cases:
+        limit = test.time_limit
+    return round(60 * limit)
+
+
 def mesh_content(wildcards):
     """What the mesh that a path names is made of."""
     try:

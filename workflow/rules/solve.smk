@@ -17,6 +17,7 @@ rule solve_case:
     threads: LOADED.config.solver.threads
     resources:
         predicted_seconds=lambda wildcards: round(COSTS.get(wildcards.case, 0)),
+        attempt_seconds=lambda wildcards: attempt_seconds(wildcards.case),
     params:
         case=lambda wildcards: PLAN.cases[wildcards.case].to_dict(),
         code=lambda wildcards: solve_code(PLAN.cases[wildcards.case].engine),
