@@ -13,6 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from limo.config import ENGINES, OUTPUTS, Device, Loaded, Mesh, MeshLevel, Numerics
+from limo.errors import ResultError
+from limo.files import read_json
 
 PACKAGE = Path(__file__).parent
 #: modules whose code decides what a mesh looks like
@@ -170,6 +172,25 @@ def solve_code(engine: str) -> str:
 def describe(case: Case) -> dict[str, Any]:
     """What ``case.json`` holds, from which a solved case is found again: the case, and the code that solved it."""
     return {"case": case.to_dict(), "code": solve_code(case.engine)}
+
+
+OWN_MESH = "mesh.vtu"  # in the folder of a case that its ladder put on another mesh
+
+
+def solved_on(case: Case, mesh_file: Path, folder: Path) -> tuple[Case, Path]:
+    """A case as it was solved, and the file of its mesh: other ones where the recovery ladder put it on another mesh.
+
+    ``folder`` is that of the case. Raises ``ResultError`` where its ``case.json`` says something else than it should.
+    """
+    file = folder / "case.json"
+    other = read_json(file).get("solved_on") if file.exists() else None
+    if other is None:
+        return case, mesh_file
+    try:
+        mesh, level = Mesh.model_validate(other["mesh"]), MeshLevel.model_validate(other["mesh_level"])
+    except (KeyError, TypeError, ValueError) as error:
+        raise ResultError(f"{file}: solved_on is no mesh ({error})") from None
+    return replace(case, mesh=mesh, mesh_level=level), folder / OWN_MESH
 
 
 def study_cases(loaded: Loaded, name: str) -> dict[tuple, Case]:

@@ -12,7 +12,7 @@ import re
 import sys
 from collections.abc import Iterable
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import pairwise, product
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
@@ -431,14 +431,22 @@ FAILED_STAGE = "failed"
 
 
 class Rung(Section):
-    """How numerics change, on top of the rungs before, for another attempt at a case that failed."""
+    """What changes, on top of the rungs before, for another attempt at a case that failed."""
 
     name: str = Field(pattern=NAME, max_length=40, description="what the attempt is called", examples=["smaller_start"])
     multiply: dict[str, Annotated[float, Field(gt=0, le=1e6)]] = Field(
-        min_length=1,
-        description="keys of a numerics preset and factors of their values; failed stands for the stage that failed",
-        examples=[{"first_increment": 0.1, "failed.damping": 10}],
+        {},
+        description="keys of a numerics preset, or of a mesh level behind mesh., and factors of their values; failed stands for "
+        "the stage that failed",
+        examples=[{"first_increment": 0.1, "failed.damping": 10}, {"mesh.degrees_of_freedom": 2}],
     )
+    symmetry: Symmetry | None = Field(None, description="another part of the device", examples=["front_back"])
+
+    @model_validator(mode="after")
+    def _changes_something(self) -> Rung:
+        if not self.multiply and self.symmetry is None:
+            raise ValueError("multiply or symmetry")
+        return self
 
 
 Ladder = Annotated[list[Rung], Field(max_length=10)]
@@ -1185,7 +1193,7 @@ def load_config(path: str | Path = "config/config.yaml") -> Loaded:
 
 
 def _check_recovery(path: Path, config: Config) -> None:
-    """Every rung must be possible with every preset."""
+    """Every rung must be possible with every preset and mesh level."""
     from limo.recovery import check_ladder
 
     for engine in ENGINES:
@@ -1194,11 +1202,11 @@ def _check_recovery(path: Path, config: Config) -> None:
         example = "recovery: {newton: [{name: smaller_load_steps, multiply: {newton.load_step: 0.25}}]}"
         if len(set(names)) < len(names):
             raise ConfigError(path, f"recovery.{engine}", names, "no name twice", example)
-        for preset, numerics in config.numerics_presets.items():
+        for (preset, numerics), (level, size) in product(config.numerics_presets.items(), config.mesh_levels.items()):
             try:
-                check_ladder(rungs, numerics)
+                check_ladder(rungs, numerics, size)
             except ValueError as error:
-                expected = f"factors that leave the preset {preset} in its ranges ({error})"
+                expected = f"factors that leave the preset {preset} and the mesh level {level} in their ranges ({error})"
                 raise ConfigError(path, f"recovery.{engine}", names, expected, example) from None
 
 

@@ -18,7 +18,7 @@ import pandas as pd
 import xarray as xr
 from scipy.spatial import cKDTree
 
-from limo.case import Case, study_cases
+from limo.case import Case, solved_on, study_cases
 from limo.config import Loaded, Numerics
 from limo.elements import gauss, quad8_shape
 from limo.errors import LimoError, ResultError
@@ -77,7 +77,7 @@ def surface_of(case: Case, mesh_file: Path, folder: Path) -> Surface:
     height = np.array([np.abs(u[:, 2]).max() for u in middle]) / length
     last = int(np.argmax(frames.pressure))
     part = sampled(model.mesh.nodes, model.mesh.quads, middle[last], CLOUD // model.mesh.copies)
-    cloud = np.vstack([part * sign for sign in mirrors(case.mesh.symmetry)])
+    cloud = np.vstack([part * sign for sign in mirrors(model.mesh.symmetry)])
     sections = tuple(section(model.mesh.nodes, model.mesh.quads, u, SECTION * length) for u in middle)
     return Surface(frames.pressure, height, np.round(cloud / STEP) * STEP, sections)
 
@@ -192,7 +192,8 @@ def _shape(results: Path, case_id: str) -> tuple[Surface | None, tuple[float, fl
     folder = results / "cases" / case_id
     stored = Case.from_dict(read_json(folder / "case.json")["case"])
     file = results / "meshes" / f"{stored.mesh_id}.vtu"
-    mesh = read_mesh(file, stored.mesh.symmetry)
+    solved, own = solved_on(stored, file, folder)
+    mesh = read_mesh(own, solved.mesh.symmetry)
     part = degrees_of_freedom_of(mesh)
     try:
         return surface_of(stored, file, folder), (part, part * mesh.copies)

@@ -17,7 +17,7 @@ import numpy as np
 import xarray as xr
 
 from limo.buckling import MOST_EVENTS, displacement_difference, events, largest_events
-from limo.case import Case, Wanted
+from limo.case import Case, Wanted, solved_on
 from limo.config import Fatigue, Loaded
 from limo.constitutive import principal
 from limo.contact import endo_through_epi, first_contact, front_through_back
@@ -154,6 +154,7 @@ def read_frames(file: Path, n_nodes: int) -> CaseFrames:
 
 def open_case(case: Case, mesh_file: Path, folder: Path) -> tuple[Model, CaseFrames]:
     """Model and frames of a solved case. Raises ``ResultError`` where one cannot be used."""
+    case, mesh_file = solved_on(case, mesh_file, folder)
     model = build_model(case, read_mesh(mesh_file, case.mesh.symmetry))
     if model.is_shell:
         raise ResultError(f"{folder / 'frames.nc'}: element {case.mesh.element} keeps no displacements through the thickness")

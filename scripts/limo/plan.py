@@ -14,7 +14,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from limo.case import SOLVE_CODE, Case, Wanted, cross_checks, digest, solve_code, study_cases, wanted_cases
+from limo.case import OWN_MESH, SOLVE_CODE, Case, Wanted, cross_checks, digest, solve_code, study_cases, wanted_cases
 from limo.config import ENGINES, Loaded
 from limo.errors import ResultError
 from limo.files import is_whole, read_json
@@ -112,7 +112,7 @@ def is_sound(folder: Path, described: dict[str, Any], status: dict[str, Any]) ->
     ):
         return False
     written = (folder / "status.json").stat().st_mtime
-    known = isinstance(files, dict) and all(name in RESULT_FILES for name in files)
+    known = isinstance(files, dict) and all(name in (*RESULT_FILES, OWN_MESH) for name in files)
     return known and all(is_whole(folder / name, stamp, written) for name, stamp in files.items())
 
 

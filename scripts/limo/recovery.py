@@ -1,26 +1,40 @@
-"""The recovery ladder: with which numerics a case that failed is tried again, in which order.
+"""The recovery ladder: with what a case that failed is tried again, in which order.
 
-Rungs change how a path is followed, never the model: mesh, symmetry, loads and material belong to what a case is, and a
-result on another mesh under its name would be another case in disguise.
+Rungs change how a path is followed; one that is allowed to may also solve the case on another mesh or another part of the
+device. Loads and material belong to what a case is. What stands on another mesh than the case names says so and is
+``degraded``: under its name it would be another case in disguise.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 from pydantic import ValidationError
 
-from limo.config import FAILED_STAGE, STAGES, Numerics, Rung
+from limo.case import Case
+from limo.config import FAILED_STAGE, STAGES, MeshLevel, Numerics, Rung
 
 CONFIGURED = "as configured"  # the name of the first attempt
+MESH = "mesh"  # what keys of a mesh level begin with; all others are of numerics
 
 
-def climb(numerics: Numerics, rung: Rung, failed_stage: str) -> Numerics:
-    """Numerics with the factors of a rung; ``failed`` in its keys stands for ``failed_stage``.
+def climb(case: Case, rung: Rung, failed_stage: str) -> Case:
+    """A case with what a rung changes; ``failed`` in its keys stands for ``failed_stage``.
 
-    Whole numbers are rounded. Raises ``ValueError`` for a key that no numerics have and a value out of its range.
+    The case itself where it is so already, and where shells, which are solved as a full device, are asked for a part.
     """
-    data = numerics.model_dump(mode="json")
+    numerics, level = multiplied(case.numerics, case.mesh_level, rung, failed_stage)
+    symmetry = case.mesh.symmetry if rung.symmetry is None or case.mesh.element.startswith("S8") else rung.symmetry
+    return replace(case, numerics=numerics, mesh_level=level, mesh=case.mesh.model_copy(update={"symmetry": symmetry}))
+
+
+def multiplied(numerics: Numerics, level: MeshLevel, rung: Rung, failed_stage: str) -> tuple[Numerics, MeshLevel]:
+    """Numerics and mesh level with the factors of a rung. Whole numbers are rounded.
+
+    Raises ``ValueError`` for a key that they do not have and a value out of its range.
+    """
+    data = numerics.model_dump(mode="json") | {MESH: level.model_dump(mode="json")}
     for key, factor in rung.multiply.items():
         *sections, last = key.replace(FAILED_STAGE, failed_stage).split(".")
         at: Any = data
@@ -28,21 +42,22 @@ def climb(numerics: Numerics, rung: Rung, failed_stage: str) -> Numerics:
             at = at.get(section) if isinstance(at, dict) else None
         value = at.get(last) if isinstance(at, dict) else None
         if isinstance(value, bool) or not isinstance(value, int | float):
-            raise ValueError(f"{key} is no number of a numerics preset")
+            raise ValueError(f"{key} is no number of a numerics preset or a mesh level")
         at[last] = max(round(value * factor), 1) if isinstance(value, int) else value * factor
     try:
-        return Numerics.model_validate(data)
+        level = MeshLevel.model_validate(data.pop(MESH))
+        return Numerics.model_validate(data), level
     except ValidationError as error:
         first = error.errors()[0]
         raise ValueError(f"{'.'.join(map(str, first['loc']))}: {first['msg']}") from None
 
 
-def check_ladder(rungs: list[Rung], numerics: Numerics) -> None:
-    """Climb all rungs from ``numerics``, whichever stage fails. Raises ``ValueError`` for one that cannot be, naming it."""
+def check_ladder(rungs: list[Rung], numerics: Numerics, level: MeshLevel) -> None:
+    """Climb all rungs from some settings, whichever stage fails. Raises ``ValueError`` for one that cannot be, naming it."""
     for stage in STAGES:
-        climbed = numerics
+        climbed = numerics, level
         for rung in rungs:
             try:
-                climbed = climb(climbed, rung, stage)
+                climbed = multiplied(*climbed, rung, stage)
             except ValueError as error:
                 raise ValueError(f"{rung.name}: {error}") from None

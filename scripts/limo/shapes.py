@@ -110,11 +110,12 @@ def gather_shapes(
         try:
             stored = Case.from_dict(read_json(case_folder / case_id / "case.json")["case"])
             model, frames = open_case(stored, mesh_folder / f"{stored.mesh_id}.vtu", case_folder / case_id)
-            if stored.mesh_id not in meshes:
-                meshes[stored.mesh_id] = mesh_values(model.mesh)
+            mesh_id, symmetry[index] = model.case.mesh_id, model.mesh.symmetry
+            if mesh_id not in meshes:
+                meshes[mesh_id] = mesh_values(model.mesh)
             pressures = [study.pressure_of(entry, case.ventricular_pressure) for entry in entries.values()]
             found[index] = _case_values(model, frames, pressures, items, case.actuation_pressure_max)
-            number[index] = list(meshes).index(stored.mesh_id)
+            number[index] = list(meshes).index(mesh_id)
         except (LimoError, KeyError, TypeError, ValueError) as error:
             reason[index] = str(error)
     numbers = [(k,) for k in range(len(meshes))]

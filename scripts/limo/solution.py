@@ -16,15 +16,15 @@ import numpy as np
 import xarray as xr
 
 from limo.buckling import Event, events, largest_events
-from limo.case import Case, describe
+from limo.case import OWN_MESH, Case, describe
 from limo.config import STAGES, Limits, Rung, Solver
 from limo.energy import EnergyBalance, conjugate_volumes, energy_and_extremes_of, ramp_balance
 from limo.engines import Path as EnginePath
 from limo.engines import calculix
 from limo.errors import ResultError
-from limo.files import UNREADABLE, stamp_of, write_json, write_netcdf
+from limo.files import UNREADABLE, stamp_of, write_json, write_netcdf, write_whole
 from limo.judge import USABLE, measure, unbelievable, verdict
-from limo.mesh import DeviceMesh, read_mesh
+from limo.mesh import DeviceMesh, mesh_device, read_mesh, write_mesh
 from limo.model import Model, build_model
 from limo.progress import NUMERICS
 from limo.recovery import CONFIGURED, climb
@@ -36,9 +36,11 @@ ML = 1.0e-3  # ml in a mm^3
 
 @dataclass(frozen=True)
 class Attempt:
-    """One solve of a case: with which rung, how it ended, what it left, and what it cost."""
+    """One solve of a case: with which rung and on which mesh, how it ended, what it left, and what it cost."""
 
     rung: str
+    case: Case
+    mesh: DeviceMesh
     status: str
     reason: str
     path: EnginePath
@@ -76,17 +78,24 @@ def solve_case(
         before = attempts[-1]
         if before.status in USABLE or before.path.interrupted or not _began(before.path):
             break
-        tried = replace(tried, numerics=climb(tried.numerics, rung, before.path.ended_in))
+        if (climbed := climb(tried, rung, before.path.ended_in)) == tried:
+            continue
+        stays = climbed.mesh_content() == tried.mesh_content()
         log.info("%s: %s; tried again with %s", before.status, before.reason, rung.name)
-        attempts.append(_attempt(rung.name, tried, mesh, folder, solver, command, limits, before.path))
+        mesh, tried = mesh if stays else mesh_device(climbed.mesh_content()), climbed
+        attempts.append(_attempt(rung.name, tried, mesh, folder, solver, command, limits, before.path if stays else None))
         best = max(best, attempts[-1], key=lambda attempt: attempt.standing)
         attempts[:-1] = [replace(a, history=None, frames=None) for a in attempts[:-1]]
     paths = [attempt.path for attempt in attempts]
+    status, reason, elsewhere = best.status, best.reason, best.case.mesh_content() != case.mesh_content()
+    if elsewhere:
+        status = "degraded" if status in USABLE else status
+        reason = "; ".join(filter(None, [reason, f"solved on another mesh: {best.rung}, {len(best.mesh.quads)} elements"]))
     summary = {
         "case": case.case_id,
         "engine": case.engine,
-        "status": best.status,
-        "reason": best.reason,
+        "status": status,
+        "reason": reason,
         **best.summary,
         "rejected_attempts": sum(p.rejected for p in paths),
         "iterations": sum(sum(p.iterations.values()) for p in paths),
@@ -96,7 +105,7 @@ def solve_case(
         "solver_cpu_seconds": round(sum(p.cpu_seconds for p in paths), 2),
         "solver_wall_seconds": round(sum(p.wall_seconds for p in paths), 2),
         "solver_memory_mib": round(max(p.memory for p in paths), 1),
-        "elements": len(mesh.quads),
+        "elements": len(best.mesh.quads),
         **best.path.details,
         "limits": limits.model_dump(),
         "attempts": [_record(attempt) for attempt in attempts],
@@ -106,10 +115,17 @@ def solve_case(
     if summary["interrupted"]:
         summary["reason"] = f"{attempts[-1].reason}; solved again when the sweep is started again"
     best.history.attrs |= {"case": case.case_id, "status": summary["status"], "reason": summary["reason"]}
-    write_json(folder / "case.json", describe(case))
+    files, described = ["case.json", "frames.nc", "volumes.nc"], describe(case)
+    if elsewhere:
+        files.append(OWN_MESH)
+        write_whole(folder / OWN_MESH, lambda aside: write_mesh(best.mesh, aside))
+        described["solved_on"] = {key: getattr(best.case, key).model_dump(mode="json") for key in ("mesh", "mesh_level")}
+    else:
+        (folder / OWN_MESH).unlink(missing_ok=True)
+    write_json(folder / "case.json", described)
     write_netcdf(best.frames, folder / "frames.nc")
     write_netcdf(best.history, folder / "volumes.nc")
-    summary["files"] = {name: stamp_of(folder / name) for name in ("case.json", "frames.nc", "volumes.nc")}
+    summary["files"] = {name: stamp_of(folder / name) for name in files}
     # of this process, start and imports included
     in_process = sum(p.cpu_seconds for p in paths if p.in_process)
     summary["python_cpu_seconds"] = round(time.process_time() - in_process, 2)
@@ -135,7 +151,7 @@ def _attempt(
     run_folder.mkdir(parents=True, exist_ok=True)
     for stale in run_folder.iterdir():
         stale.unlink()
-    if before is not None:
+    if rung != CONFIGURED:
         write_json(run_folder / NUMERICS, case.numerics.model_dump(mode="json"))
     model = build_model(case, mesh)
     log.info("%s, %s: %d elements, %d equations or more", case.case_id, rung, len(mesh.quads), 3 * len(model.nodes))
@@ -157,7 +173,7 @@ def _attempt(
         **balance,
         "checks": {k: v for k, v in asdict(checks).items() if k not in ("rested", "dissipated_fraction")},
     }
-    return Attempt(rung, status, reason, path, history, frames, summary)
+    return Attempt(rung, case, mesh, status, reason, path, history, frames, summary)
 
 
 def _began(path: EnginePath) -> bool:
@@ -172,6 +188,7 @@ def _record(attempt: Attempt) -> dict:
         "status": attempt.status,
         "reason": attempt.reason,
         "ended_in": attempt.path.ended_in,
+        "elements": len(attempt.mesh.quads),
         "actuation_pressure_reached": attempt.summary["actuation_pressure_reached"],
         "iterations": sum(attempt.path.iterations.values()),
         "solver_cpu_seconds": round(attempt.path.cpu_seconds, 2),

@@ -8,12 +8,16 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from limo.config import Limits, Rung, Solver
+from limo.case import OWN_MESH, Case, Wanted
+from limo.config import Fatigue, Limits, MeshLevel, Rung, Solver
 from limo.engines import calculix, newton
 from limo.files import read_json
-from limo.mesh import write_mesh
+from limo.measures import measure_case, open_case
+from limo.mesh import mesh_device, write_mesh
 from limo.model import build_model
-from limo.solution import follow, ramp_of, solve_case
+from limo.plan import solved_cases
+from limo.solution import ML, follow, ramp_of, solve_case
+from limo.volumes import volumes
 
 from .conftest import small_mesh, with_
 
@@ -105,6 +109,44 @@ def test_the_best_attempt_is_kept_where_none_succeeds(made, tmp_path):
     assert status["status"] == "diverged"
     assert not status["interrupted"]
     assert status["actuation_pressure_reached"] == max(a["actuation_pressure_reached"] for a in (first, second))
+
+
+@pytest.mark.parametrize(
+    "rung", [Rung(name="half", symmetry="front_back"), Rung(name="finer", multiply={"mesh.degrees_of_freedom": 6})]
+)
+def test_a_result_on_another_mesh_is_degraded_says_so_and_is_measured_there(case, tmp_path, monkeypatch, rung):
+    """The first attempt fails by what no numerics change: it is put down to the mesh."""
+    one = with_(case, engine="newton", actuation_pressure_max=MAXIMUM, frames=(0.0, MAXIMUM))
+    one = replace(one, mesh_level=MeshLevel(degrees_of_freedom=3000))
+    solved, own = newton.solve, mesh_device(one.mesh_content())
+    write_mesh(own, tmp_path / "own.vtu")
+
+    def fails_on_its_own_mesh(model, solver, after=None):
+        path = solved(model, solver, after=after)
+        return replace(path, status="diverged", reason="no") if len(model.mesh.quads) == len(own.quads) else path
+
+    monkeypatch.setattr(newton, "solve", fails_on_its_own_mesh)
+    status = solve_case(one, tmp_path / "own.vtu", tmp_path / "case", Solver(), None, Limits(), [rung])
+    assert [a["status"] for a in status["attempts"]] == ["diverged", "converged"]
+    assert status["status"] == "degraded"
+    assert f"another mesh: {rung.name}, {status['elements']} elements" in status["reason"]
+    assert status["elements"] == status["attempts"][1]["elements"] > status["attempts"][0]["elements"] == len(own.quads)
+    described = read_json(tmp_path / "case/case.json")
+    assert Case.from_dict(described["case"]) == one, "the case is what was asked for"
+    model, frames = open_case(one, tmp_path / "own.vtu", tmp_path / "case")
+    assert len(model.mesh.quads) == status["elements"]
+    with xr.open_dataset(tmp_path / "case/volumes.nc") as history:
+        middle = model.expansion.midsurface(frames.displacement[-1].astype(float))
+        ventricle, _ = volumes(model.mesh, model.mesh.nodes + middle)
+        assert ventricle * ML == pytest.approx(float(history.ventricle_volume[-1]), rel=1e-5)
+    wanted = Wanted({"stress": (0.0, MAXIMUM)})
+    assert measure_case(one, wanted, Fatigue(), tmp_path / "own.vtu", tmp_path / "case").attrs["status"] == "measured"
+    assert solved_cases(tmp_path)[1] == {}
+    monkeypatch.setattr(newton, "solve", solved)
+    again = solve_case(one, tmp_path / "own.vtu", tmp_path / "case", Solver(), None, Limits(), [rung])
+    assert again["status"] == "converged"
+    assert not (tmp_path / "case" / OWN_MESH).exists()
+    assert len(open_case(one, tmp_path / "own.vtu", tmp_path / "case")[0].mesh.quads) == len(own.quads)
 
 
 def test_calculix_climbs_from_a_start_that_fails(made, tmp_path):
