@@ -119,7 +119,7 @@ def residual(
     viscous = np.zeros_like(inside)
     if motion is not None:
         viscous = mass_forces(model, damping * _with_references(model, motion[0]) + _with_references(model, motion[1]))
-    free = _unconstrained(model)
+    free = unconstrained(model)
     load = np.linalg.norm(project @ loaded.ravel()) or 1.0
     load_sum = np.linalg.norm(through_thickness(model, loaded)[free]) or 1.0
 
@@ -149,7 +149,7 @@ def _with_references(model: Model, displacements: np.ndarray) -> np.ndarray:
     return u
 
 
-def _unconstrained(model: Model) -> np.ndarray:
+def unconstrained(model: Model) -> np.ndarray:
     """Mask (n_shell, 3) of the displacements of the mesh's nodes of which no brick node is constrained."""
     taken = np.zeros((len(model.nodes), 3), bool)
     for n, d in (*model.prescribed, *model.fixed):
