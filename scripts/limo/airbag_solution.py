@@ -15,7 +15,8 @@ from limo.case import number_label
 from limo.config import Airbag, Solver
 from limo.constitutive import cauchy, second_piola_kirchhoff
 from limo.engines import calculix
-from limo.kinematics import lame
+from limo.kinematics import lame, strain_energy
+from limo.volumes import flux
 
 #: units and long name of what is measured of a run that converged; without a result they are NaN
 MEASURED = {
@@ -25,6 +26,7 @@ MEASURED = {
     "corner_draw_in": ("mm", "how far the corner moves in along x and y, mean of the two"),
     "asymmetry": ("mm", "difference of the corner's displacements along x and y"),
     "stress": ("MPa", "largest principal Cauchy stress at the centre"),
+    "potential_energy": ("J", "strain energy less p V of the quarter of the upper sheet; of bricks only"),
 }
 #: the same for what every run has
 COUNTED = {
@@ -62,7 +64,7 @@ def solve_run(airbag: Airbag, run: Run, solver: Solver, command: Path | None = N
         if row["status"] == "converged" and not np.abs(moved).max() < airbag.side:
             row |= {"status": "diverged", "reason": f"displacements of {np.abs(moved).max():.3g} mm"}
         if row["status"] == "converged":
-            measured = measure(model, moved)
+            measured = measure(model, moved) | {"potential_energy": potential_energy(model, displacements)}
         column, line = model.mesh.lattice.T
         grid[line, column] = moved
     return _dataset(row | measured, grid)
@@ -142,6 +144,27 @@ def centre_stress(model: AirbagModel, moved: np.ndarray) -> float:
     deformation = np.diag([*stretch, np.sqrt(max(1 + 2 * across, 1e-6))])
     second_piola = second_piola_kirchhoff(np.diag([*along, across]), *lame(airbag.youngs_modulus, airbag.poisson_ratio))
     return float(cauchy(deformation, second_piola).diagonal().max())
+
+
+def potential_energy(model: AirbagModel, displacements: np.ndarray) -> float:
+    """Pi = W - p V in J of a brick model's state (n, 3) in mm; NaN of shells, whose layer the solver makes itself.
+
+    W is the strain energy and V the volume between the sheet and the plane of its edge. Equilibria are stationary points of
+    Pi and stable ones its minima, so of two wrinkled states on one mesh the lower one is nearer to rest for good.
+    """
+    if model.is_shell:
+        return np.nan
+    layer, airbag = model.expansion, model.airbag
+    energy = strain_energy(
+        layer.nodes,
+        layer.bricks,
+        displacements[: len(layer.nodes)],
+        model.youngs_modulus,
+        airbag.poisson_ratio,
+        model.gauss_points,
+    )
+    volume = flux((model.nodes + displacements)[layer.bottom], model.mesh.quads).sum()
+    return float(1e-3 * energy - 1e-6 * airbag.pressure * volume)  # mJ, kPa mm^3
 
 
 def _dataset(row: dict, grid: np.ndarray) -> xr.Dataset:

@@ -1,9 +1,12 @@
 """The classical square airbag on small meshes: its height and draw-in, and which elements lock."""
 
+import numpy as np
 import pytest
 
-from limo.airbag import Run
+from limo import airbag_solution
+from limo.airbag import Run, build_model
 from limo.airbag_solution import solve_run
+from limo.assembly import Assembly
 from limo.config import Solver, load_config
 from limo.engines import calculix
 
@@ -46,6 +49,23 @@ def test_quadratic_elements_reach_the_published_height(solved, element, engine, 
     assert 0.98 * TAUT < straight < 1.01 * TAUT, "the diagonal is taut and hardly stretched"
     if engine == "calculix":  # at the edge's middle is a fold, which the engine newton need not put there on every processor
         assert found.edge_draw_in.item() == pytest.approx(DRAW_IN, rel=0.02)
+
+
+def test_a_state_at_rest_has_the_least_potential_energy_around_it(classical):
+    run = Run("C3D20R", "newton", 6, (100.0, 10.0))
+    model = build_model(classical, run)
+    row, rest = airbag_solution._solve_newton(model, Solver())
+    assert row["status"] == "converged"
+    assembly, rng = Assembly(model), np.random.default_rng(3)
+    lowest = airbag_solution.potential_energy(model, rest)
+    for _ in range(5):
+        way = rng.normal(size=assembly.size)
+        way = assembly.expand(way / np.abs(way).max())
+        up, down = (airbag_solution.potential_energy(model, rest + size * way) for size in (0.01, -0.01))
+        assert up > lowest
+        assert down > lowest
+        slope, bend = (up - down) / 2, (up + down) / 2 - lowest
+        assert abs(slope) < 0.02 * bend, "at 0.01 mm the first derivative is nothing beside the second"
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from limo import airbag_solution
 from limo.accuracy import airbag_report, keep_airbags, observed_order, read_airbags, report
 from limo.airbag import Run, build_model, run_content, runs_of, sheet
 from limo.airbag_deck import damping, end_time, write_deck
-from limo.airbag_solution import centre_stress, gather, measure, solve_run
+from limo.airbag_solution import centre_stress, gather, measure, potential_energy, solve_run
 from limo.assembly import Assembly
 from limo.config import Airbag, Solver
 from limo.errors import ResultError
@@ -173,6 +173,20 @@ def test_stress_at_the_centre_of_a_stretched_sheet():
         assert centre_stress(model, moved) == pytest.approx(600 / (1 - 0.4) * 1e-5, rel=1e-3)
         moved[:, 1] = 0.0
         assert centre_stress(model, moved) == pytest.approx(600 / (1 - 0.4**2) * 1e-5, rel=1e-3)
+
+
+def test_potential_energy_of_known_states():
+    airbag = flat_airbag()
+    model = build_model(airbag, Run("C3D20R", "newton", 2, planes="symmetric"))
+    lifted = np.tile([0, 0, 7.0], (len(model.nodes), 1))
+    low = airbag.thickness / 2
+    assert potential_energy(model, lifted) == pytest.approx(-5e-6 * 100**2 * (7 - low) / 3), "planes of symmetry stay open here"
+    stretched = 1e-3 * model.nodes * [1, 1, 0]
+    energy = 1e-3 * 600 / (1 - 0.4) * 1e-3**2 * 100**2 * 0.5  # E / (1 - nu) e^2 of plane stress, which is not free to thin here
+    constrained = energy * (1 - 0.4) / ((1 + 0.4) * (1 - 2 * 0.4)) * 1.0
+    pressed = 5e-6 * (100.1) ** 2 * low / 3
+    assert potential_energy(model, stretched) - pressed == pytest.approx(constrained, rel=2e-3)
+    assert np.isnan(potential_energy(build_model(airbag, Run("S8R", "calculix", 2)), np.zeros((21, 3))))
 
 
 def test_observed_order_of_a_power():
