@@ -258,7 +258,7 @@ def test_table_keeps_all_and_the_report_is_made_of_it(dataset, tmp_path):
     published = [{"quantity": "height", "value": 50.0, "divisions": 2, "source": "nobody"}]
     published += [{"quantity": "edge_draw_in", "value": 10.0, "source": "nobody"}]
     airbag = flat_airbag(description="a cap", references=published)
-    text = airbag_report(read_airbags(table), {"cap": airbag})
+    text = airbag_report(read_airbags(table), {"cap": airbag}, {"cap": ["![a](b.png)"]})
     assert "### `cap`: a cap" in text
     assert "| S8R (straight up) | 2 | -20.0%, **not met** |" in text, "the density of the published mesh"
     assert "| S8R (straight up) | 4 | -20.0%, **not met** |" in text, "the finest"

@@ -42,13 +42,15 @@ rule draw_airbag:
         source=f"{workflow.basedir}/scripts/limo/figures/{{figure}}.py",
     output:
         report(
-            "results/airbags/{airbag}/figures/{figure}.png",
+            "docs/gallery/{airbag}_{figure}.png",
             caption="../report/{figure}.rst",
             category="accuracy",
         ),
         "results/airbags/{airbag}/figures/{figure}.pdf",
     log:
         "results/logs/draw_airbag/{airbag}_{figure}.log",
+    wildcard_constraints:
+        figure="|".join(AIRBAG_FIGURES),
     conda:
         "../envs/limo.yaml"
     message:
@@ -109,6 +111,8 @@ rule draw_accuracy:
         "results/accuracy/figures/{figure}.pdf",
     log:
         "results/logs/draw_accuracy/{figure}.log",
+    wildcard_constraints:
+        figure="|".join(DEVICE_FIGURES),
     conda:
         "../envs/limo.yaml"
     message:

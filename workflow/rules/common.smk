@@ -110,10 +110,9 @@ def airbag_results(wildcards):
 def airbag_targets():
     """Figures of all airbags, and their rows beside the documentation; nothing without airbags."""
     figures = expand(
-        "results/airbags/{airbag}/figures/{figure}.{kind}",
+        ["docs/gallery/{airbag}_{figure}.png", "results/airbags/{airbag}/figures/{figure}.pdf"],
         airbag=LOADED.airbags,
         figure=AIRBAG_FIGURES,
-        kind=["png", "pdf"],
     )
     return figures + ["docs/gallery/data/airbag.csv"] * bool(figures)
 

@@ -23,7 +23,7 @@ _SHOWN_FROM = 0.75
 _PALE = "#F0E442"  # too pale for a line
 #: colours of the elements, and markers and lines of the series of one element
 COLORS = dict(zip(get_args(AirbagElement), (c for c in style.COLORS if c != _PALE), strict=True))
-_LOOKS = (("o", "-"), ("^", "--"), ("s", "--"), ("D", "-."), ("v", ":"))
+_LOOKS = (("o", "-"), ("^", "--"), ("s", "--"), ("D", "-."), ("v", ":"), ("P", (0, (5, 1, 1, 1, 1, 1))))
 
 
 def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
