@@ -7,8 +7,8 @@ process is just writing count as far as they can be read.
 
 from __future__ import annotations
 
-import math
 import re
+import sys
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
@@ -223,7 +223,8 @@ def ended_status(name: str, status: Mapping[str, Any], maximum: float | None) ->
 def number(data: Mapping[str, Any], key: str) -> float | None:
     """A finite number from plain data, None for anything else."""
     value = data.get(key)
-    usable = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    # whole numbers of JSON may be larger than any float
+    usable = isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
     return value if usable else None
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from limo.case import describe
@@ -211,6 +211,7 @@ status_like = st.fixed_dictionaries(
 
 @fuzzed
 @given(status=status_like, described=plain, sane=st.booleans())
+@example(status={"status": "converged", "actuation_pressure_reached": 10**400}, described=None, sane=False)
 def test_whatever_stands_in_the_files_of_a_case(loaded, make_case, tmp_path, status, described, sane):
     """Plans, statuses and tables take them for a case or for none, and say nothing else."""
     case = make_case()
