@@ -5,6 +5,7 @@ from pathlib import Path
 from limo.case import Case
 from limo.config import Limits, Recovery, Solver
 from limo.door import logged
+from limo.plan import keep, restore
 from limo.progress import solving
 from limo.solution import solve_case
 
@@ -14,9 +15,14 @@ with logged(snakemake.log[0]) as log:  # noqa: F821
     solver, limits = Solver.model_validate(chosen["solver"]), Limits.model_validate(chosen["limits"])
     solver = solver.model_copy(update={"time_limit": snakemake.resources.attempt_seconds / 60})  # noqa: F821
     rungs = getattr(Recovery.model_validate(chosen["recovery"]), case.engine)
-    how = (solver, Path(chosen["command"]), limits, rungs, snakemake.params.recovery)  # noqa: F821
+    recovery = snakemake.params.recovery  # noqa: F821
+    how = (solver, Path(chosen["command"]), limits, rungs, recovery)
     folder = Path(snakemake.output.status).parent  # noqa: F821
     log.info("predicted %s s of CPU time", snakemake.resources.predicted_seconds)  # noqa: F821
     with solving(folder):
-        status = solve_case(case, Path(snakemake.input.mesh), folder, *how)  # noqa: F821
+        if status := restore(case, folder, recovery):
+            log.info("was solved when the sweep was broken off")
+        else:
+            status = solve_case(case, Path(snakemake.input.mesh), folder, *how)  # noqa: F821
+            keep(folder)
     log.info("%s %s after %.0f s of CPU time", status["status"], status["reason"], status["solver_cpu_seconds"])

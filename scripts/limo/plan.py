@@ -6,15 +6,18 @@ one that stops earlier: one solve serves both. A study says how far this may go 
 
 from __future__ import annotations
 
+import json
 import logging
+import os
 import re
+import shutil
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from limo.case import OWN_MESH, SOLVE_CODE, Case, Wanted, cross_checks, digest, solve_code, study_cases, wanted_cases
+from limo.case import OWN_MESH, SOLVE_CODE, Case, Wanted, cross_checks, describe, digest, solve_code, study_cases, wanted_cases
 from limo.config import ENGINES, Loaded
 from limo.errors import ResultError
 from limo.files import is_whole, read_json
@@ -23,6 +26,7 @@ from limo.judge import USABLE
 log = logging.getLogger(__name__)
 CROSS_CHECK = "cross_check"
 RESULT_FILES = ("case.json", "status.json", "volumes.nc", "frames.nc")
+KEPT = ".kept"  # in the folder of a case
 _CLOSE = 1e-6  # kPa, pressures closer than this are the same
 _LABEL = re.compile(r"^\w+?_np\d+_pv[\d.]+_ar[\d.]+_eh[\d.]+(?=_)")
 
@@ -114,6 +118,49 @@ def is_sound(folder: Path, described: dict[str, Any], status: dict[str, Any]) ->
     written = (folder / "status.json").stat().st_mtime
     known = isinstance(files, dict) and all(name in (*RESULT_FILES, OWN_MESH) for name in files)
     return known and all(is_whole(folder / name, stamp, written) for name, stamp in files.items())
+
+
+def keep(folder: Path) -> None:
+    """Give the results of a case, solved just now, second names in its folder, which Snakemake does not know.
+
+    It removes the results of a job that was broken off before it starts it again, also of one that had written all of them and
+    was only not yet reported. Links take no room; where the file system knows none, such a case is solved again.
+    """
+    aside = folder / KEPT
+    shutil.rmtree(aside, ignore_errors=True)
+    aside.mkdir()
+    try:
+        for name in (*RESULT_FILES, OWN_MESH):
+            if (folder / name).exists():
+                os.link(folder / name, aside / name)
+    except OSError as error:
+        log.debug("%s: %s", aside, error)
+        shutil.rmtree(aside, ignore_errors=True)
+
+
+def restore(case: Case, folder: Path, recovery: str) -> dict[str, Any] | None:
+    """Put back what ``keep`` kept, where it is what solving ``case`` now would give; returns its status, None otherwise.
+
+    ``recovery``: what this solve is called (``Plan.recovery_of``); another one wants it solved again.
+    """
+    aside = folder / KEPT
+    try:
+        described, status = read_json(aside / "case.json"), read_json(aside / "status.json")
+    except ResultError:
+        return None
+    same = {k: described.get(k) for k in ("case", "code")} == json.loads(json.dumps(describe(case)))
+    if not (same and status.get("recovery") == recovery and not status.get("interrupted") and is_sound(aside, described, status)):
+        return None
+    for name in (*RESULT_FILES, OWN_MESH):
+        if name != "status.json" and (aside / name).exists():
+            _put_back(aside / name, folder / name)
+    _put_back(aside / "status.json", folder / "status.json")
+    return status
+
+
+def _put_back(kept: Path, file: Path) -> None:
+    if not file.exists():
+        os.link(kept, file)
 
 
 def holds(kept: tuple[float, ...], needed: set[float]) -> bool:

@@ -5,13 +5,14 @@ from __future__ import annotations
 import os
 import shutil
 import time
+from dataclasses import replace
 
 import pytest
 
 from limo.case import SOLVE_CODE, Case, code_digest, describe, study_cases
 from limo.config import Loaded, Recovery, Study
-from limo.files import stamp_of, write_json
-from limo.plan import holds, make_plan, solved_cases
+from limo.files import read_json, stamp_of, write_json
+from limo.plan import RESULT_FILES, holds, keep, make_plan, restore, solved_cases
 
 
 @pytest.fixture
@@ -345,3 +346,53 @@ def test_a_case_whose_files_are_damaged_is_solved_again(studies, results, damage
     again = make_plan(loaded, results.path)
     assert again.to_solve == {case_id}
     assert again.recovery_of(case_id) != plan.recovery_of(case_id)
+
+
+@pytest.fixture
+def written(studies, results):
+    """A case as a solve leaves it, with second names: case, folder, and what its solve was called."""
+    plan = make_plan(studies(one={}), results.path)
+    results.solve(plan)
+    case_id = rewritten(results, plan)
+    folder = results.path / "cases" / case_id
+    for name in ("volumes.nc", "frames.nc"):
+        (folder / name).write_bytes(b"numbers")
+    status = read_json(folder / "status.json") | {"files": {n: stamp_of(folder / n) for n in ("volumes.nc", "frames.nc")}}
+    write_json(folder / "status.json", status)
+    keep(folder)
+    return plan.cases[case_id], folder, plan.recovery_of(case_id)
+
+
+def removed(folder):
+    """What Snakemake does before it starts a job again that was broken off."""
+    for name in RESULT_FILES:
+        (folder / name).unlink(missing_ok=True)
+
+
+def test_a_case_that_was_written_and_not_reported_is_put_back(written):
+    case, folder, recovery = written
+    before = {name: (folder / name).read_bytes() for name in RESULT_FILES}
+    removed(folder)
+    assert restore(case, folder, recovery)["status"] == "converged"
+    assert {name: (folder / name).read_bytes() for name in RESULT_FILES} == before
+    removed(folder)
+    assert restore(case, folder, recovery), "as often as it is broken off"
+
+
+@pytest.mark.parametrize("change", ["case", "recovery", "interrupted", "damaged", "nothing kept"])
+def test_what_is_not_what_is_asked_for_is_not_put_back(written, change):
+    case, folder, recovery = written
+    removed(folder)
+    aside = folder / ".kept"
+    if change == "case":
+        case = replace(case, frames=(0.0, 1.0))
+    elif change == "recovery":
+        recovery = "another-0"
+    elif change == "interrupted":
+        write_json(aside / "status.json", read_json(aside / "status.json") | {"interrupted": True})
+    elif change == "damaged":
+        (aside / "frames.nc").write_bytes(b"number")
+    else:
+        (aside / "status.json").unlink()
+    assert restore(case, folder, recovery) is None
+    assert not any((folder / name).exists() for name in RESULT_FILES)

@@ -113,13 +113,13 @@ def nobody_left(project) -> None:
     wait_for(lambda: not inside(project), f"processes left: {inside(project)}")
 
 
-def solved(project) -> dict[str, float]:
-    """The cases that converged, and when."""
+def solved(project) -> dict[str, str]:
+    """The cases that converged, and their statuses, in which the seconds of another solve would be others."""
     folder = project.folder / "results" / "cases"
     found = {}
     for file in folder.glob("*/status.json"):
         if read_json(file)["status"] == "converged":
-            found[file.parent.name] = file.stat().st_mtime
+            found[file.parent.name] = file.read_text()
     return found
 
 
@@ -130,7 +130,7 @@ def whole(project) -> None:
             assert all((folder / name).exists() for name in RESULTS), sorted(p.name for p in folder.iterdir())
 
 
-def finishes(project, before: dict[str, float] | None = None) -> None:
+def finishes(project, before: dict[str, str] | None = None) -> None:
     """Started again the sweep ends well, and what had converged before was left alone."""
     done = project.snakemake(cores=1)
     assert done.returncode == 0, done.stdout + done.stderr
@@ -195,6 +195,21 @@ def test_kill_9_of_a_sweep(tiny, record, engine, victim, seed):
     whole(project)
     finishes(project, solved(project))
     record(f"{victim}, {engine}: nobody left after {took:.1f} s", "finished, no unlocking by hand")
+
+
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGKILL])
+def test_ended_between_a_result_and_its_report(tiny, record, how):
+    """All files of a case are written, and Snakemake does not know yet: it removes them before it starts the job again."""
+    project = tiny("newton")
+    with ended(start(project)) as sweep:
+        wait_for(lambda: list((project.folder / "results/cases").glob("*/.kept/status.json")), said(project))
+        os.killpg(sweep.pid, how)
+        sweep.wait(60)
+        nobody_left(project)
+    before = solved(project)
+    assert len(before) == 1
+    finishes(project, before)
+    record(f"{signal.Signals(how).name} when a case has just been written", "finished, the case is taken as it is")
 
 
 @pytest.mark.parametrize("engine", ["newton", "calculix"])
@@ -342,7 +357,7 @@ def test_damaged_files(finished, record, name, damage):
     victim, other = sorted(solved(finished))
     damage(finished.folder / "results" / "cases" / victim / name)
     assert finished.planned()["solve_case"] == 1
-    before = {other: (finished.folder / "results/cases" / other / "status.json").stat().st_mtime}
+    before = {other: (finished.folder / "results/cases" / other / "status.json").read_text()}
     finishes(finished, before)
     record(f"{name}, {damage.__name__}: the plan notices", "that case is solved")
 
