@@ -21,7 +21,7 @@ from limo.config import STAGES, Limits, Rung, Solver
 from limo.energy import EnergyBalance, conjugate_volumes, energy_and_extremes_of, ramp_balance
 from limo.engines import Path as EnginePath
 from limo.engines import calculix
-from limo.errors import ResultError
+from limo.errors import LimoError, ResultError
 from limo.files import UNREADABLE, stamp_of, write_json, write_netcdf, write_whole
 from limo.judge import USABLE, measure, unbelievable, verdict
 from limo.mesh import DeviceMesh, mesh_device, read_mesh, write_mesh
@@ -82,7 +82,12 @@ def solve_case(
             continue
         stays = climbed.mesh_content() == tried.mesh_content()
         log.info("%s: %s; tried again with %s", before.status, before.reason, rung.name)
-        mesh, tried = mesh if stays else mesh_device(climbed.mesh_content()), climbed
+        try:
+            mesh = mesh if stays else mesh_device(climbed.mesh_content())
+        except LimoError as error:
+            log.warning("%s: %s", rung.name, error)
+            continue
+        tried = climbed
         attempts.append(_attempt(rung.name, tried, mesh, folder, solver, command, limits, before.path if stays else None))
         best = max(best, attempts[-1], key=lambda attempt: attempt.standing)
         attempts[:-1] = [replace(a, history=None, frames=None) for a in attempts[:-1]]

@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from limo import solution
 from limo.case import OWN_MESH, Case, Wanted
 from limo.config import Fatigue, Limits, MeshLevel, Rung, Solver
 from limo.engines import calculix, newton
+from limo.errors import MeshError
 from limo.files import read_json
 from limo.measures import measure_case, open_case
 from limo.mesh import mesh_device, write_mesh
@@ -147,6 +149,19 @@ def test_a_result_on_another_mesh_is_degraded_says_so_and_is_measured_there(case
     assert again["status"] == "converged"
     assert not (tmp_path / "case" / OWN_MESH).exists()
     assert len(open_case(one, tmp_path / "own.vtu", tmp_path / "case")[0].mesh.quads) == len(own.quads)
+
+
+def test_a_rung_whose_mesh_cannot_be_made_is_passed_over(made, tmp_path, monkeypatch):
+    case, _, file = made
+
+    def fails(content):
+        raise MeshError("gmsh could not")
+
+    monkeypatch.setattr(solution, "mesh_device", fails)
+    rungs = [Rung(name="finer", multiply={"mesh.degrees_of_freedom": 2}), Rung(name="a", multiply={"newton.iterations": 1.2})]
+    status = solve_case(impatient(case, 5), file, tmp_path, Solver(), None, Limits(), rungs)
+    assert [a["rung"] for a in status["attempts"]] == ["as configured", "a"]
+    assert status["status"] == "diverged"
 
 
 def test_calculix_climbs_from_a_start_that_fails(made, tmp_path):
