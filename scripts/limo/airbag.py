@@ -31,7 +31,7 @@ _CODE = ("elements", "model", "kinematics", "constitutive", "airbag", "airbag_so
 #: modules whose code decides the result of a run, by engine
 RUN_CODE = {
     "calculix": (*_CODE, "deck", "airbag_deck", "frd", "engines.calculix"),
-    "newton": (*_CODE, "assembly", "engines.__init__", "engines.newton", "engines.pardiso"),
+    "newton": (*_CODE, "assembly", "kernels", "engines.__init__", "engines.newton", "engines.pardiso"),
 }
 
 

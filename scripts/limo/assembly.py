@@ -18,16 +18,12 @@ from __future__ import annotations
 import numpy as np
 from scipy.sparse import csc_array
 
+from limo import kernels
 from limo.elements import HEX20_BOTTOM, HEX20_TOP, gauss, hex20_shape, quad8_shape
 from limo.errors import ResultError
+from limo.kernels import PAIRS
 from limo.kinematics import lame
 from limo.model import KPA, Model, reduction, scatter
-
-#: the six blocks of a symmetric tangent by direction, (i, j) with i <= j
-PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
-#: elements whose tangents are formed together
-CHUNK = 64
-FIRST, SECOND = np.array(PAIRS).T
 
 
 class Assembly:
@@ -39,20 +35,15 @@ class Assembly:
     def __init__(self, model: Model):
         self.model = model
         shell = model.expansion
-        self.bricks = shell.bricks
+        self.bricks = np.ascontiguousarray(shell.bricks, np.int32)
         local, weights = gauss(model.gauss_points, 3)
         _, slopes = hex20_shape(local)
         jacobian = np.einsum("gnd,mnk->mgkd", slopes, shell.nodes[shell.bricks])
-        count, points = len(shell.bricks), len(local)
-        gradient = np.einsum("gnd,mgdk->mngk", slopes, np.linalg.inv(jacobian))  # dN_n / dX_k
-        self._points = points
-        self._gradient = np.ascontiguousarray(gradient.reshape(count, 20, 3 * points))
-        self._gradient_t = np.ascontiguousarray(gradient.transpose(0, 2, 3, 1))  # (m, g, k, n)
+        gradient = np.einsum("gnd,mgdk->mgkn", slopes, np.linalg.inv(jacobian))  # dN_n / dX_k
+        self._gradient = np.ascontiguousarray(gradient).reshape(len(shell.bricks), 3 * len(local), 20)
         self._volume = np.linalg.det(jacobian) * weights
-        self._lambda, self._mu = lame(model.youngs_modulus, model.case.device.material.poisson_ratio)
+        self._lame = np.stack(lame(model.youngs_modulus, model.case.device.material.poisson_ratio), axis=1)
         self._faces = _Faces(model)
-        self._blocks = np.empty((count, 20, 120))
-        self._half = np.empty((min(count, CHUNK), points, 18, 20))
         self._placed: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
         self._known: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
         self._constrain()
@@ -97,108 +88,91 @@ class Assembly:
     # --- pattern ------------------------------------------------------------------------------------------------------
 
     def _plan(self) -> None:
-        """The pattern, and the sparse matrices that carry element matrices to its values."""
-        faces = self._faces
-        parts = [
-            _entries(self.bricks, self._free, self._factor, PAIRS),
-            _entries(faces.nodes, self._free, self._factor, PAIRS[3:]),
-        ]
-        rows = np.concatenate([p[0] for p in parts])
-        columns = np.concatenate([p[1] for p in parts])
+        """The pattern, and where in its values the entries of element matrices go."""
+        bricks, faces = _entries(self.bricks, self._free, self._factor, PAIRS), self._faces.entries(self._free, self._factor)
+        rows, columns = (np.concatenate([bricks[k], faces[k]]) for k in range(2))
         key = rows * self.size + columns
         unique, inverse = np.unique(key, return_inverse=True)
         self.indices = (unique % self.size).astype(np.int32)
         self.indptr = np.searchsorted(unique // self.size, np.arange(self.size + 1)).astype(np.int32)
-        split, start = len(parts[0][0]), 0
-        self._gather = []
-        for (_, _, values, sources, total), stop in zip(parts, (split, len(key)), strict=True):
-            places = (inverse[start:stop].astype(np.int32), sources.astype(np.int32))
-            # by columns: element matrices are read in order
-            self._gather.append(csc_array((values, places), shape=(len(unique), total)))
-            start = stop
+        split = len(bricks[0])
+        self._place_bricks(inverse[:split], *bricks[2:])
+        _, _, factors, sources = faces
+        shape = (len(unique), self._faces.entries_count)
+        # by columns: element matrices are read in order
+        self._from_faces = csc_array((factors, (inverse[split:].astype(np.int32), sources.astype(np.int32))), shape=shape)
+
+    def _place_bricks(self, places: np.ndarray, factors: np.ndarray, sources: np.ndarray) -> None:
+        """Tables for ``kernels.tangent``: an element's entries that count, their places, and factors where any is not one."""
+        count, size = len(self.bricks), 400 * len(PAIRS)
+        self._sources = np.unique(sources % size).astype(np.int32)
+        place = sources // size, np.searchsorted(self._sources, sources % size)
+        # what goes nowhere goes behind the last value
+        self._places = np.full((count, len(self._sources)), len(self.indices), np.int32)
+        self._places[place] = places
+        weights = np.ones(self._places.shape)
+        weights[place] = factors
+        odd = (weights != 1).any(axis=1)
+        self._special = np.where(odd, np.cumsum(odd) - 1, -1).astype(np.int32)
+        self._weights = weights[odd]
 
     # --- forces and tangent -------------------------------------------------------------------------------------------
 
     def forces(self, u: np.ndarray, ventricular: float, actuation: float) -> tuple[np.ndarray, np.ndarray]:
         """f_int and f_p (n, 3) in N at displacements (n, 3) in mm and pressures in kPa."""
-        _, piola = self._stresses(u)
-        return self._internal(piola), self._faces.forces(u, ventricular, actuation)
+        return self._inside(u)[0], self._faces.forces(u, ventricular, actuation)
 
-    def tangent(self, u: np.ndarray, ventricular: float, actuation: float) -> np.ndarray:
-        """Values of K on the pattern at displacements (n, 3) in mm and pressures in kPa."""
-        deformation, _ = self._stresses(u)
-        blocks = self._element_tangent(deformation)
-        return self._gather[0] @ blocks.ravel() + self._gather[1] @ self._faces.tangent(u, ventricular, actuation).ravel()
+    def tangent(self, u: np.ndarray, ventricular: float, actuation: float, shift: float = 0.0) -> np.ndarray:
+        """Values of K + shift M on the pattern at displacements (n, 3) in mm, pressures in kPa and a shift in 1/s^2."""
+        values = np.zeros(len(self.indices) + 1)
+        np.multiply(self.mass, shift, out=values[:-1])
+        tables = self._sources, self._places, self._special, self._weights
+        kernels.tangent(self._moved(u)[0], self._inside(u)[1], self._gradient, self._volume, self._lame, *tables, values)
+        values[:-1] += self._from_faces @ self._faces.tangent(u, ventricular, actuation)
+        return values[:-1]
 
-    def drag(self, moved: np.ndarray) -> np.ndarray:
-        """Internal forces (n, 3) that the last tangent gives to displacements ``moved`` (n, 3), prescribed ones included."""
-        return _multiply(self._blocks.reshape(-1, 20, len(PAIRS), 20), self.bricks, moved)
+    def drag(self, u: np.ndarray, moved: np.ndarray) -> np.ndarray:
+        """How f_int (n, 3) changes from displacements u (n, 3) along ``moved`` (n, 3), prescribed ones included.
+
+        dP = dF S + F dS with dS = lambda tr(dE) I + 2 mu dE and dE the symmetric part of F^T dF.
+        """
+        count, points = self._volume.shape
+        stress = self._inside(u)[1][..., [[0, 3, 4], [3, 1, 5], [4, 5, 2]]]
+        deformation = np.eye(3) + self._moved(u)[0].reshape(count, points, 3, 3)  # (K, i)
+        change = (self._gradient @ moved[self.bricks]).reshape(deformation.shape)
+        strain = change @ np.swapaxes(deformation, -1, -2)
+        strain = 0.5 * (strain + np.swapaxes(strain, -1, -2))
+        factors = self._lame.T[:, :, None, None, None] * self._volume[..., None, None]
+        trace = np.trace(strain, axis1=-2, axis2=-1)[..., None, None]
+        piola = stress @ change + (factors[0] * trace * np.eye(3) + 2 * factors[1] * strain) @ deformation
+        forces = np.swapaxes(self._gradient, -1, -2) @ piola.reshape(count, 3 * points, 3)
+        return scatter(forces, self.bricks, len(self.model.nodes))
 
     def volume_ratios(self, u: np.ndarray) -> np.ndarray:
         """det F (m, g) at the integration points; none positive means elements turned inside out."""
-        return np.linalg.det(self._kinematics(u)[0])
+        return self._moved(u)[1]
 
     def smallest_volume(self, u: np.ndarray) -> float:
         """Smallest det F of all integration points."""
         return float(self.volume_ratios(u).min())
 
-    def _kinematics(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """F and Grad u (m, g, 3, 3). The same array ``u`` again costs nothing, here and below."""
+    def _moved(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Displacement gradients (m, 3 g, 3) and det F (m, g). The same array ``u`` again costs nothing, here and below."""
         if self._placed is None or self._placed[0] is not u:
-            self._placed = u, *self._gradients(u)
+            if u.shape != self.model.nodes.shape:  # compiled loops do not look
+                raise ValueError(f"displacements of shape {u.shape}, the model has nodes {self.model.nodes.shape}")
+            slopes, ratios = np.empty((*self._gradient.shape[:2], 3)), np.empty(self._volume.shape)
+            kernels.displacement_gradients(np.ascontiguousarray(u, float), self.bricks, self._gradient, slopes, ratios)
+            self._placed = u, slopes, ratios
         return self._placed[1:]
 
-    def _gradients(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        moved = np.ascontiguousarray(u[self.bricks].transpose(0, 2, 1))  # (m, 3, 20)
-        gradient = (moved @ self._gradient).reshape(len(moved), 3, self._points, 3).transpose(0, 2, 1, 3)
-        return gradient + np.eye(3), gradient
-
-    def _stresses(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """F (m, g, 3, 3) and J w P with P = F S; leaves J w S for the tangent."""
-        if self._known is not None and self._known[0] is u:
-            return self._known[1:]
-        deformation, gradient = self._kinematics(u)
-        # E from the displacement gradient: no difference of nearly equal numbers in thin layers
-        strain = 0.5 * (gradient + np.swapaxes(gradient, -1, -2) + np.swapaxes(gradient, -1, -2) @ gradient)
-        trace = np.trace(strain, axis1=-2, axis2=-1)
-        stress = 2.0 * self._mu[:, None, None, None] * strain
-        stress[..., [0, 1, 2], [0, 1, 2]] += (self._lambda[:, None] * trace)[..., None]
-        self._stress = stress * self._volume[..., None, None]
-        self._known = u, deformation, deformation @ self._stress
+    def _inside(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """f_int (n, 3) and J w S (m, g, 6)."""
+        if self._known is None or self._known[0] is not u:
+            forces, stress = np.zeros((len(self.model.nodes), 3)), np.empty((*self._volume.shape, 6))
+            kernels.internal_forces(self._moved(u)[0], self.bricks, self._gradient, self._volume, self._lame, stress, forces)
+            self._known = u, forces, stress
         return self._known[1:]
-
-    def _internal(self, piola: np.ndarray) -> np.ndarray:
-        count = len(piola)
-        forces = self._gradient @ np.ascontiguousarray(piola.transpose(0, 1, 3, 2)).reshape(count, 3 * self._points, 3)
-        return scatter(forces, self.bricks, len(self.model.nodes))
-
-    def _element_tangent(self, deformation: np.ndarray) -> np.ndarray:
-        """Blocks (m, 20, 6, 20) of the element tangents: node, pair of directions, node; overwritten by the next call.
-
-        The order of axes lets two products of matrices do all the work: (K pair, L) (L, m) a point, (n, g K) (g K, pair m)
-        an element. Some elements at a time, so that what lies between the products stays in the cache.
-        """
-        for start in range(0, len(deformation), CHUNK):
-            part = slice(start, start + CHUNK)
-            tensor = self._tensor(deformation[part], part)
-            count, points = tensor.shape[:2]
-            half = np.matmul(tensor.reshape(count, points, 18, 3), self._gradient_t[part], out=self._half[:count])
-            np.matmul(self._gradient[part], half.reshape(count, 3 * points, 120), out=self._blocks[part])
-        return self._blocks.reshape(-1, 20, len(PAIRS), 20)
-
-    def _tensor(self, deformation: np.ndarray, part: slice) -> np.ndarray:
-        """J w A_iKjL (m, g, K, pair, L) of some elements."""
-        lam = (self._lambda[part, None] * self._volume[part])[..., None, None, None]
-        mu = (self._mu[part, None] * self._volume[part])[..., None, None, None]
-        one, other = deformation[:, :, FIRST], deformation[:, :, SECOND]  # (m, g, pair, 3)
-        one_t, other_t = (np.swapaxes(x, -1, -2)[..., None] for x in (one, other))
-        tensor = one_t * (lam * other[:, :, None])  # F_iK F_jL
-        tensor += (mu * one[:, :, None]) * other_t  # F_iL F_jK
-        left = mu[..., 0] * (one * other).sum(axis=-1)[:, :, None]  # mu b_ij
-        for k in range(3):
-            tensor[:, :, k, :, k] += left[:, :, 0]
-        tensor[:, :, :, :3] += self._stress[part, :, :, None]
-        return tensor
 
     def _assemble_mass(self) -> np.ndarray:
         """Values of the consistent mass on the tangent's pattern (3 x 3 x 3 points)."""
@@ -210,7 +184,9 @@ class Assembly:
         element = self.model.density * np.einsum("gn,gp,mg->mnp", shapes, shapes, volume, optimize=True)
         blocks = np.zeros((len(element), 20, len(PAIRS), 20))
         blocks[:, :, :3] = element[:, :, None]
-        return self._gather[0] @ blocks.ravel()
+        entries = blocks.reshape(len(element), -1)[:, self._sources]
+        entries[self._special >= 0] *= self._weights
+        return np.bincount(self._places.ravel(), entries.ravel(), len(self.indices) + 1)[:-1]
 
 
 class _Faces:
@@ -226,41 +202,52 @@ class _Faces:
             weights.append(np.tile([sign * KPA * load.ventricular, sign * KPA * load.actuation], (len(load.quads), 1)))
         self.nodes = np.vstack(nodes)
         self._weights = np.vstack(weights)
-        local, self._rule = gauss(model.gauss_points, 2)
-        self._values, slopes = quad8_shape(local)
-        self._slopes = [np.ascontiguousarray(slopes[:, :, d]) for d in range(2)]
+        local, rule = gauss(model.gauss_points, 2)
+        values, slopes = quad8_shape(local)
+        self._values = np.ascontiguousarray((values * rule[:, None]).T)  # (8, g)
+        self._slopes = np.vstack([slopes[:, :, 0], slopes[:, :, 1]])  # (2 g, 8)
         self._rest = shell.nodes
-        # N_n dN_m at the points, weighted, for both directions: (g, 64)
-        self._pairs = [np.einsum("gn,gm,g->gnm", self._values, s, self._rule).reshape(len(local), 64) for s in self._slopes]
+        # (N_n dN_m - N_m dN_n) / 2 of each pair of nodes n < m at the points, weighted: what multiplies x_,1, and x_,2
+        first, second = self._pair = np.triu_indices(8, 1)
+        turned = [values[:, first] * d[:, second] - values[:, second] * d[:, first] for d in (slopes[:, :, 1], slopes[:, :, 0])]
+        self._turned = 0.5 * np.hstack([(rule[:, None] * turned[0]).T, -(rule[:, None] * turned[1]).T])  # (28, 2 g)
+        self.entries_count = 3 * len(first) * len(self.nodes)
 
-    def _tangents(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        place = (self._rest + u[: len(self._rest)])[self.nodes]
-        return self._slopes[0] @ place, self._slopes[1] @ place
+    def entries(self, free: np.ndarray, factor: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """As ``_entries``, into what ``tangent`` gives: a pair's blocks are skew, and so is the pair."""
+        rows, columns, factors, sources = _entries(self.nodes, free, factor, PAIRS[3:])
+        face, n, part, m = np.unravel_index(sources, (len(self.nodes), 8, 3, 8))
+        pair = np.zeros((8, 8), int)
+        pair[self._pair] = np.arange(len(self._pair[0]))
+        source = (face * len(self._pair[0]) + pair[np.minimum(n, m), np.maximum(n, m)]) * 3 + part
+        apart = n != m
+        return rows[apart], columns[apart], (factors * np.sign(m - n))[apart], source[apart]
+
+    def _tangents(self, u: np.ndarray) -> np.ndarray:
+        """x_,1 at all points, then x_,2: (f, 2 g, 3)."""
+        return self._slopes @ (self._rest + u[: len(self._rest)])[self.nodes]
 
     def forces(self, u: np.ndarray, ventricular: float, actuation: float) -> np.ndarray:
         """f_p (n, 3): int N p (x_,1 x x_,2) dxi, pushing into the face."""
-        first, second = self._tangents(u)
-        normal = np.cross(first, second) * (self._weights @ (ventricular, actuation))[:, None, None]
-        return scatter((self._values * self._rule[:, None]).T @ normal, self.nodes, self._count)
+        shape = len(self.nodes), 2, len(self._slopes) // 2, 3
+        (x, y, z), (r, s, t) = np.moveaxis(self._tangents(u).reshape(shape), (1, 3), (0, 1))
+        normal = np.stack([y * t - z * s, z * r - x * t, x * s - y * r], axis=-1)
+        normal *= (self._weights @ (ventricular, actuation))[:, None, None]
+        return scatter(self._values @ normal, self.nodes, self._count)
 
     def tangent(self, u: np.ndarray, ventricular: float, actuation: float) -> np.ndarray:
-        """The symmetric part of -df_p/du: blocks (f, 8, 3, 8) of the directions (0, 1), (0, 2), (1, 2).
+        """The symmetric part of -df_p/du, flat (f, 28, 3): pairs of nodes n < m and directions (0, 1), (0, 2), (1, 2).
 
         -df_p,ni / du_mj = -p eps_ijk A^k_nm with A^k_nm = int N_n (dN_m/dxi_1 x_,2 - dN_m/dxi_2 x_,1)_k dxi.
         """
-        pressure = self._weights @ (ventricular, actuation)
-        first, second = self._tangents(u)
-        turned = np.einsum("fgk,gp->fkp", second, self._pairs[0], optimize=True)
-        turned -= np.einsum("fgk,gp->fkp", first, self._pairs[1], optimize=True)
-        turned = turned.reshape(-1, 3, 8, 8)
-        skew = 0.5 * (turned - np.swapaxes(turned, -1, -2)) * -pressure[:, None, None, None]
+        skew = (self._turned @ self._tangents(u)) * (self._weights @ (ventricular, actuation))[:, None, None]
         # eps_012 = 1, eps_021 = -1, eps_120 = 1
-        return np.stack([skew[:, 2], -skew[:, 1], skew[:, 0]], axis=2)
+        return (skew[..., ::-1] * (1.0, -1.0, 1.0)).ravel()
 
 
 def _entries(
     nodes: np.ndarray, free: np.ndarray, sign: np.ndarray, pairs: tuple[tuple[int, int], ...]
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, int]:
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Where the entries of element blocks (m, k, p, k) go in the upper triangle: rows, columns, factors, flat sources.
 
     Of a block on the diagonal only one triangle is taken, of the others all; an off-diagonal entry that constraints bring
@@ -283,15 +270,4 @@ def _entries(
         columns.append(np.maximum(free[a], free[b]))
         values.append(sign[a] * sign[b] * twice)
         taken.append(sources[:, :, k][keep])
-    return (*(np.concatenate(x) for x in (rows, columns, values, taken)), sources.size)
-
-
-def _multiply(blocks: np.ndarray, nodes: np.ndarray, moved: np.ndarray) -> np.ndarray:
-    """Forces (n, 3) that element blocks (m, k, 6, k) give to displacements (n, 3)."""
-    local = moved[nodes]
-    forces = np.zeros_like(local)
-    for k, (i, j) in enumerate(PAIRS):
-        forces[..., i] += (blocks[:, :, k] @ local[..., j, None])[..., 0]
-        if i != j:
-            forces[..., j] += (np.swapaxes(blocks[:, :, k], -1, -2) @ local[..., i, None])[..., 0]
-    return scatter(forces, nodes, len(moved))
+    return tuple(np.concatenate(x) for x in (rows, columns, values, taken))

@@ -27,7 +27,7 @@ _SOLUTION_CODE = (
 #: the same for a solution, by engine
 SOLVE_CODE = {
     "calculix": (*_SOLUTION_CODE, "deck", "frd", "engines.calculix"),
-    "newton": (*_SOLUTION_CODE, "assembly", "engines.newton", "engines.pardiso"),
+    "newton": (*_SOLUTION_CODE, "assembly", "kernels", "engines.newton", "engines.pardiso"),
 }
 #: modules whose code decides what is measured of a solved case, and what is drawn of it for ParaView
 FIELD_CODE = ("elements", "kinematics", "mesh", "model", "constitutive", "layer", "zones", "strain", "fatigue")
@@ -35,7 +35,7 @@ MEASURE_CODE = (*FIELD_CODE, "stress", "equilibrium", "buckling", "contact", "me
 #: modules whose code decides what shapes of a study are kept for its figures
 SHAPE_CODE = (*MEASURE_CODE, "solution", "dataset", "shapes")
 #: modules whose code decides what is gathered of a stress test
-STRESS_TEST_CODE = ("reliability", "assembly", "equilibrium", "model")
+STRESS_TEST_CODE = ("reliability", "assembly", "kernels", "equilibrium", "model")
 #: modules whose code decides what a study's dataset holds
 GATHER_CODE = ("dataset", "efficiency", "solution", "measures")
 #: modules whose code decides what is in the table of a study

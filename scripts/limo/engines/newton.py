@@ -96,6 +96,7 @@ def solve(model: Model, solver: Solver, start: np.ndarray | None = None, after: 
     began, used = time.monotonic(), _cpu_seconds()
     set_threads(solver.threads)
     run = _Run(model, settings, began + 60 * solver.time_limit)
+    prepared = _cpu_seconds() - used
     status, reason, interrupted = "converged", "", False
     resumed = after is not None and bool((after.stage >= HOLD).any())
     try:
@@ -142,6 +143,7 @@ def solve(model: Model, solver: Solver, start: np.ndarray | None = None, after: 
             "equations": run.assembly.size,
             "factorisations": state.factorisations,
             "solutions": state.solutions,
+            "setup_seconds": round(prepared, 2),
             "factor_seconds": round(run.solver.seconds, 2),
             "factor_memory_mib": round(memory),
             "largest_residual": max(run.residuals, default=None),
@@ -210,10 +212,10 @@ class _Run:
                 if assembly.smallest_volume(u) <= 0:
                     raise _StopError("diverged", f"elements turned inside out at P_a = {actuation:g} kPa of the {name}")
                 break
-            values = assembly.tangent(u, ventricular, actuation)
+            values = assembly.tangent(u, ventricular, actuation, state.shift)
             if moved is not None:
                 # the edges move with this step: what they drag along is part of its right side
-                residual = residual - assembly.reduce(assembly.drag(moved))
+                residual = residual - assembly.reduce(assembly.drag(u, moved))
             refused = state.rejected
             state.free, largest = self._step(values, residual, share)
             state.iterations[name] += 1
@@ -302,14 +304,15 @@ class _Run:
     def _step(self, values: np.ndarray, residual: np.ndarray, share: float) -> tuple[np.ndarray, float]:
         """Free displacements after a step of the shifted system cut to ``largest_step``, and its size (mm) before that.
 
-        The step is cut further where elements would lose their volume; the shift is raised until the matrix is positive, the
-        step no leap, and such a cut enough. Where no shift does, elements may come down to ``LEAST_VOLUME`` until the next rest.
+        ``values`` are those of K with the shift, and change with it. The step is cut further where elements would lose their
+        volume; the shift is raised until the matrix is positive, the step no leap, and such a cut enough. Where no shift does,
+        elements may come down to ``LEAST_VOLUME`` until the next rest.
         """
         state, growth, refused, shift = self.state, self.settings.shift_growth, self.state.rejected, self.state.shift
         before = self.assembly.volume_ratios(self.displacements())
         growth_limit = LARGEST_GROWTH if share == state.prescribed else np.inf  # moved edges stretch what they drag along
         while True:
-            negative = self.solver.factorise(values + state.shift * self.assembly.mass)
+            negative = self.solver.factorise(values)
             state.factorisations += 1
             if not negative:
                 step = self.solver.solve(residual)
@@ -325,7 +328,7 @@ class _Run:
                             elif cut < 1:
                                 state.rejected += 1
                             return free, largest
-            first = state.rejected == refused
+            first, tried = state.rejected == refused, state.shift
             state.rejected += 1
             state.shift = max(growth * state.shift, state.last_shift / growth if first else 0.0)
             if state.shift > LARGEST_SHIFT and self._floor > LEAST_VOLUME:
@@ -334,6 +337,7 @@ class _Run:
                 raise _StopError(
                     "diverged", f"no downhill step with a shift up to {LARGEST_SHIFT:.0e} 1/s2 leaves all elements whole"
                 )
+            values += (state.shift - tried) * self.assembly.mass
 
     def _reuse(
         self, size: float, load: float, correction: float, before: np.ndarray, ventricular: float, actuation: float
