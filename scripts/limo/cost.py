@@ -22,7 +22,7 @@ SECONDS_PER_ITERATION, SIZE, GROWTH = 0.16, 21000, 1.3
 #: CPU time of an engine over that of CalculiX
 SHARE = {"calculix": 1.0, "newton": 1 / 12}
 #: MiB of the process that solves, by engine: for any model, and for each thousand displacements of the part that is solved
-MEMORY = {"calculix": (137.0, 2.5), "newton": (165.0, 10.5)}
+MEMORY = {"calculix": (137.0, 2.5), "newton": (265.0, 10.5)}
 #: share of the full device that is solved
 PART = {"full": 1.0, "front_back": 0.5, "quarter": 0.25}
 #: iterations of fit and hold; iterations a kPa of the ramp with no pouches, what each pouch takes off, and the least
