@@ -36,8 +36,8 @@ Two devices: `np4`, N_p = 4 at P_v = 13.8 kPa as in the paper, and `np8`, N_p = 
 fraction of a thickness (`reference_*`); such runs on the default mesh (`scatter_*`) tell how far apart the same setting lands.
 `volumes` is the larger relative L2 error of V_v and Delta V_a over the ramp, `stress` that of the top-5 % von Mises stress at
 P_a,max, `w` that of the largest w there, `d_c` the symmetric Chamfer distance of the surfaces there. **An error within the
-scatter says nothing**: it is marked with ~. All runs keep 21 frames, which change no curve but cost newton a tenth to a third of
-its time (`docs/methods.md`). Rows, curves and surfaces: `docs/gallery/data/accuracy.nc`."""
+scatter says nothing**: it is marked with ~. All runs keep 21 frames, which change no curve but cost newton iterations
+(`docs/methods.md`). Rows, curves and surfaces: `docs/gallery/data/accuracy.nc`."""
 _TO_MEASURE = "`make accuracy` measures it; the reference is solved first."
 
 
