@@ -11,7 +11,7 @@ continuation moves between strong (small steps downhill, through a snap) and neg
   multiply sigma and factorise again, so that every step goes downhill in energy and stays with bricks that can be;
 - a step is cut to ``largest_step``; after it sigma falls, the faster the smaller the step was, and only where it has fallen all
   the way a state is accepted, so that none is unstable; where it has to rise again, it begins near where it ended last time;
-- a factor is used again as long as the residual falls tenfold without a new one.
+- a factor is used again as long as the residual falls tenfold without a new one, and a step that made it larger taken back.
 
 No damping is left in the answer: a snap of the device is a jump at its load. Steps of some millimetres matter: with steps of
 1 mm the wrinkles of the fit stay where they first appear, and nearly equal runs end with different ones (docs/performance.md).
@@ -342,15 +342,21 @@ class _Run:
     def _reuse(
         self, size: float, load: float, correction: float, before: np.ndarray, ventricular: float, actuation: float
     ) -> float:
-        """Further steps with the factor at hand, as long as the residual falls tenfold; returns the last correction."""
-        state, assembly = self.state, self.assembly
+        """Further steps with the factor at hand, as long as the residual falls tenfold; returns the last correction.
+
+        A step after which the residual is larger is taken back: a creased fabric is soft, and an old factor can leap.
+        """
+        state, assembly, came_from = self.state, self.assembly, None
         while True:
             _, inside, pressed = self._forces(ventricular, actuation)
             residual = assembly.reduce(pressed - inside)
             now = np.linalg.norm(residual)
+            if came_from is not None and now > size:
+                state.free, correction = came_from
+                return correction
             if now > REUSED_WHILE * size or self._at_rest(now, load, correction, before):
                 return correction
-            step = self.solver.solve(residual)
+            step, came_from = self.solver.solve(residual), (state.free, correction)
             state.solutions += 1
             correction, size = np.abs(step).max(), now
             if correction > self.largest:
