@@ -22,7 +22,7 @@ from limo.case import (
 )
 from limo.config import load_config
 from limo.cost import plan_costs, ranks
-from limo.device_errors import error_studies
+from limo.device_runs import KEPT_PARTS, error_studies, kept_file, lacking
 from limo.engines.find import find_builds, find_engines
 from limo.errors import LimoError
 from limo.figures import AIRBAG_FIGURES, DEVICE_FIGURES, SHAPES, items_of, renderer_lacks
@@ -33,6 +33,7 @@ from limo.progress import enter_sweep
 from limo.sampling import stress_cases
 
 CONFIG_FILE = config.get("file", "config/config.yaml")
+KEPT_FOLDER = Path("docs/gallery/data")
 try:
     LOADED = load_config(CONFIG_FILE)
     CCX = find_engines(LOADED, CONFIG_FILE)

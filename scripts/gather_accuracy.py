@@ -8,5 +8,5 @@ from limo.door import logged
 
 with logged(snakemake.log[0]):  # noqa: F821
     loaded = load_config(snakemake.config["file"])  # noqa: F821
-    dataset = gather_errors(loaded, Path("results"), snakemake.params.sources)  # noqa: F821
-    write_errors(dataset, Path(snakemake.output[0]))  # noqa: F821
+    file = Path(snakemake.output[0])  # noqa: F821
+    write_errors(gather_errors(loaded, Path("results"), file.parent, snakemake.params.sources), file)  # noqa: F821

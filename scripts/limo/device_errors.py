@@ -1,7 +1,5 @@
 """How wrong each setting of the device is: its runs against an ensemble on the finest mesh (paper, *LIMO inflation convergence*).
 
-A device has these studies: ``accuracy_<device>`` varies one setting at a time, ``reference_<device>`` is the ensemble on the
-finest mesh, ``scatter_<device>`` one on the default mesh; ``shells_<device>`` adds elements of which only volumes are known.
 Errors are taken against the mean of the reference. What the members of an ensemble differ among themselves is the scatter of
 paths: a smaller error says nothing.
 """
@@ -10,7 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,23 +16,13 @@ import pandas as pd
 import xarray as xr
 from scipy.spatial import cKDTree
 
-from limo.case import Case, solved_on, study_cases
+from limo.case import Case
 from limo.config import Loaded, Numerics
-from limo.elements import gauss, quad8_shape
-from limo.errors import LimoError, ResultError
-from limo.figures.surface import grid, mirrors
-from limo.files import UNREADABLE, read_json, write_netcdf
-from limo.measures import open_case
-from limo.mesh import degrees_of_freedom_of, read_mesh
+from limo.device_runs import SECTION, Run, devices, packed, padded, runs_of, stacked
+from limo.errors import ResultError
+from limo.files import UNREADABLE, write_netcdf
 from limo.overhead import processor
 
-PARTS = ("accuracy", "reference", "scatter", "shells")
-#: points of a cloud on the surface of the full device, and steps of the stored coordinates in mm
-CLOUD, STEP = 6000, 0.01
-#: where the device is cut, y / L
-SECTION = 0.5
-#: linear quadrilaterals along a side of an element that is cut
-_DIVISIONS = 2
 #: curves that are compared, and values
 CURVES = ("ventricle_volume", "actuation_volume_change")
 _VALUES = ("stroke_volume", "pressure_90ml", "efficiency_90ml", "von_mises_peak", "fatigue_cycles_min")
@@ -53,152 +41,10 @@ ERRORS = {
 }
 
 
-@dataclass(frozen=True)
-class Surface:
-    """What is kept of a run's shapes: w / L (f,) at pressures (f,) in kPa, and the cloud (n, 3) in mm of its last frame.
-
-    ``sections``: for each frame the segments (k, 2, 2), x and z in mm of both ends, in which the plane y / L = ``SECTION`` cuts
-    the part that was solved.
-    """
-
-    pressure: np.ndarray
-    height: np.ndarray
-    cloud: np.ndarray
-    sections: tuple[np.ndarray, ...] = ()
-
-
-def surface_of(case: Case, mesh_file: Path, folder: Path) -> Surface:
-    """Heights at all frames and the cloud at the last of the full device. Raises ``LimoError`` where there are none."""
-    model, frames = open_case(case, mesh_file, folder)
-    if not len(frames.pressure):
-        raise ResultError(f"{frames.file}: no frames")
-    middle = [model.expansion.midsurface(u.astype(float)) for u in frames.displacement]
-    length = case.device.pattern.length
-    height = np.array([np.abs(u[:, 2]).max() for u in middle]) / length
-    last = int(np.argmax(frames.pressure))
-    part = sampled(model.mesh.nodes, model.mesh.quads, middle[last], CLOUD // model.mesh.copies)
-    cloud = np.vstack([part * sign for sign in mirrors(model.mesh.symmetry)])
-    sections = tuple(section(model.mesh.nodes, model.mesh.quads, u, SECTION * length) for u in middle)
-    return Surface(frames.pressure, height, np.round(cloud / STEP) * STEP, sections)
-
-
-def sampled(nodes: np.ndarray, quads: np.ndarray, displacement: np.ndarray, count: int) -> np.ndarray:
-    """Points (count, 3) spread over deformed quadrilaterals in proportion to their area, the same for the same surface.
-
-    ``nodes`` and ``displacement`` (n, 3) in mm, ``quads`` (m, 8). Along the order of the elements the points lie at equal steps
-    of area; within an element at points of a low-discrepancy sequence.
-    """
-    place = (nodes + displacement)[quads]
-    local, weights = gauss(2, 2)
-    _, slopes = quad8_shape(local)
-    tangents = np.einsum("gnd,mnk->mgdk", slopes, place)
-    areas = np.linalg.norm(np.cross(tangents[:, :, 0], tangents[:, :, 1]), axis=-1) @ weights
-    steps = (np.arange(count) + 0.5) / count * areas.sum()
-    element = np.searchsorted(np.cumsum(areas), steps).clip(max=len(quads) - 1)
-    # additive recurrence with the plastic number: even in two dimensions for every count
-    inside = np.mod(0.5 + np.arange(1, count + 1)[:, None] * np.array([0.7548776662466927, 0.5698402909980532]), 1.0)
-    values, _ = quad8_shape(2.0 * inside - 1.0)
-    return np.einsum("pn,pnk->pk", values, place[element])
-
-
-def section(nodes: np.ndarray, quads: np.ndarray, displacement: np.ndarray, y: float) -> np.ndarray:
-    """Segments (k, 2, 2), x and z in mm of both ends, in which the plane at ``y`` (mm) cuts deformed quadrilaterals.
-
-    ``nodes`` and ``displacement`` (n, 3) in mm, ``quads`` (m, 8). Elements are divided and cut as flat triangles.
-    """
-    values, _, cells = grid(_DIVISIONS)
-    points = np.einsum("gn,mnk->mgk", values, (nodes + displacement)[quads])
-    triangles = points[:, cells][:, :, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3, 3)
-    above = triangles[:, :, 1] > y
-    crossed = above.any(axis=1) & ~above.all(axis=1)
-    triangles, above = triangles[crossed], above[crossed]
-    single = np.argmax(above == (above.sum(axis=1) == 1)[:, None], axis=1)  # the corner that has its side to itself
-    place = np.arange(len(triangles))[:, None]
-    tip, others = triangles[place, single[:, None]], triangles[place, (single[:, None] + [1, 2]) % 3]
-    share = (y - tip[..., 1]) / (others[..., 1] - tip[..., 1])
-    return (tip + share[..., None] * (others - tip))[..., [0, 2]]
-
-
 def chamfer(first: np.ndarray, second: np.ndarray) -> float:
     """d_c of two clouds (n, 3) and (m, 3), in their unit (paper, *LIMO inflation convergence*)."""
     there, back = cKDTree(second).query(first)[0], cKDTree(first).query(second)[0]
     return float(0.5 * there.mean() + 0.5 * back.mean())
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# the runs of a device
-
-
-@dataclass(frozen=True)
-class Run:
-    """One run: study's part, variant, branch, its values in the study's dataset, and its surface where there is one.
-
-    ``equations``: displacements of the part that was solved, and of the full device.
-    """
-
-    part: str
-    variant: str
-    description: str
-    branch: int
-    case: Case
-    values: xr.Dataset
-    surface: Surface | None
-    equations: tuple[float, float] = (np.nan, np.nan)
-
-    @property
-    def converged(self) -> bool:
-        return str(self.values.case_status.values) == "converged"
-
-
-def devices(loaded: Loaded) -> list[str]:
-    """Names of the devices for which there is a reference, as in ``reference_<device>``."""
-    return [name.partition("_")[2] for name in loaded.studies if name.startswith("reference_")]
-
-
-def error_studies(loaded: Loaded) -> list[str]:
-    """Studies of all devices from which errors are gathered."""
-    names = (f"{part}_{device}" for device in devices(loaded) for part in PARTS)
-    return [name for name in names if name in loaded.studies]
-
-
-def runs_of(loaded: Loaded, device: str, results: Path, sources: Mapping[str, Sequence[str]]) -> list[Run]:
-    """The runs of a device that are gathered; cases that are not solved are left out.
-
-    ``sources``: by study the ids of the cases that serve it, in the order of its grid.
-    """
-    runs = []
-    for part in PARTS:
-        name = f"{part}_{device}"
-        file = results / "studies" / name / "study.nc"
-        if name not in sources or not file.exists():
-            continue
-        try:
-            dataset = xr.load_dataset(file)
-        except UNREADABLE as error:
-            raise ResultError(f"{file}: not the dataset of a study ({error})") from None
-        for (key, case), source in zip(study_cases(loaded, name).items(), sources[name], strict=True):
-            variant, branch = key[-2:]
-            at = {d: v for d, v in (("variant", variant), ("branch", branch)) if d in dataset.dims}
-            values = dataset.sel(at).squeeze(drop=True)
-            if str(values.case_status.values) != "missing":
-                described = loaded.studies[name].variants[variant].description if variant else ""
-                shape, equations = _shape(results, source)
-                runs.append(Run(part, variant, described, branch, case, values, shape, equations))
-    return runs
-
-
-def _shape(results: Path, case_id: str) -> tuple[Surface | None, tuple[float, float]]:
-    """Surface and numbers of displacements of a solved case; none for shells, which keep no displacements."""
-    folder = results / "cases" / case_id
-    stored = Case.from_dict(read_json(folder / "case.json")["case"])
-    file = results / "meshes" / f"{stored.mesh_id}.vtu"
-    solved, own = solved_on(stored, file, folder)
-    mesh = read_mesh(own, solved.mesh.symmetry)
-    part = degrees_of_freedom_of(mesh)
-    try:
-        return surface_of(stored, file, folder), (part, part * mesh.copies)
-    except LimoError:
-        return None, (part, part * mesh.copies)
 
 
 def changes_of(loaded: Loaded, device: str, case: Case) -> dict[str, str]:
@@ -314,7 +160,7 @@ def _decades(run: Run) -> float:
 #: texts in a row: meaning
 TEXT = {
     "device": "device that was measured, such as np4",
-    "part": "what a run is for: accuracy, shells, reference or scatter",
+    "part": "what a run is for: accuracy, shells, reference, referee or scatter",
     "kind": "run, or of an ensemble scatter among its members or mean of them",
     "setting": "variant of the study, or the part where that has none",
     "description": "the variant in words",
@@ -348,16 +194,16 @@ NUMBERS = {
 }
 
 
-def gather_errors(loaded: Loaded, results: Path, sources: Mapping[str, Sequence[str]]) -> xr.Dataset:
+def gather_errors(loaded: Loaded, results: Path, folder: Path, sources: Mapping[str, Sequence[str]]) -> xr.Dataset:
     """One row a run of every device: its setting, errors and cost, curves, heights at its frames.
 
     Of kind ``run``; rows of kind ``scatter`` have what the members of an ensemble differ among themselves, of kind ``mean``
-    the errors of its mean. Clouds on the surface at P_a,max are kept of the reference, sections where the mesh level alone is
-    changed and the engine is newton. Raises ``ResultError`` where no device has two converged runs of its reference.
+    the errors of its mean. Sections are kept where the mesh level alone is changed and the engine is newton. ``folder``: where
+    the runs of ``KEPT_PARTS`` are. Raises ``ResultError`` where no device has two converged runs of its reference.
     """
     rows, kept = [], []
     for device in devices(loaded):
-        runs = runs_of(loaded, device, results, sources)
+        runs = runs_of(loaded, device, results, folder, sources)
         reference = [run for run in runs if run.part == "reference" and run.converged]
         if len(reference) < 2:
             continue
@@ -384,14 +230,11 @@ def gather_errors(loaded: Loaded, results: Path, sources: Mapping[str, Sequence[
             each[k] = np.interp(pressure, run.values.actuation_pressure.values, run.values[name].values, right=np.nan)
         data[name] = (("run", "actuation_pressure"), each)
     surfaces = [run.surface for run in kept]
-    data["frame_pressure"] = (("run", "frame"), _padded([_of(s, "pressure") for s in surfaces]))
-    data["frame_height"] = (("run", "frame"), _padded([_of(s, "height") for s in surfaces]))
-    clouds = [k for k, row in enumerate(rows) if row["part"] == "reference" and row["kind"] == "run" and surfaces[k]]
-    data["cloud_run"] = ("member", np.array(clouds, float))
-    data["cloud"] = (("member", "point", "axis"), np.array([surfaces[k].cloud for k in clouds]).reshape(-1, CLOUD, 3))
+    data["frame_pressure"] = (("run", "frame"), padded([np.empty(0) if s is None else s.pressure for s in surfaces]))
+    data["frame_height"] = (("run", "frame"), padded([np.empty(0) if s is None else s.height for s in surfaces]))
     shown = [k for k, row in enumerate(rows) if surfaces[k] and _is_shown(row)]
     data["section_run"] = ("section", np.array(shown, float))
-    cuts = _stacked([surfaces[k].sections for k in shown], data["frame_height"][1].shape[1])
+    cuts = stacked([surfaces[k].sections for k in shown], data["frame_height"][1].shape[1])
     data["sections"] = (("section", "frame", "segment", "end", "plane"), cuts)
     dataset = xr.Dataset(data, coords={"actuation_pressure": pressure})
     return _described(dataset).assign_attrs(
@@ -412,28 +255,6 @@ def _is_shown(row: dict) -> bool:
     )
 
 
-def _of(surface: Surface | None, name: str) -> np.ndarray:
-    return np.empty(0) if surface is None else getattr(surface, name)
-
-
-def _padded(arrays: Sequence[np.ndarray]) -> np.ndarray:
-    """Arrays (n,) of different lengths as rows, NaN behind their ends."""
-    table = np.full((len(arrays), max([len(a) for a in arrays], default=0)), np.nan)
-    for row, array in zip(table, arrays, strict=True):
-        row[: len(array)] = array
-    return table
-
-
-def _stacked(sections: Sequence[tuple[np.ndarray, ...]], frames: int) -> np.ndarray:
-    """Segments (s, frames, k, 2, 2) of runs, NaN behind the last of each frame."""
-    longest = max([len(part) for parts in sections for part in parts], default=0)
-    table = np.full((len(sections), frames, longest, 2, 2), np.nan)
-    for row, parts in zip(table, sections, strict=True):
-        for place, part in zip(row, parts, strict=False):
-            place[: len(part)] = part
-    return table
-
-
 def _described(dataset: xr.Dataset) -> xr.Dataset:
     words = NUMBERS | {f"error_{name}": ("1", f"error: {text}") for name, text in ERRORS.items()}
     words |= {
@@ -441,8 +262,6 @@ def _described(dataset: xr.Dataset) -> xr.Dataset:
         "actuation_volume_change": ("ml", "pouch volume since P_a = 0, Delta V_a"),
         "frame_pressure": ("kPa", "actuation pressure of a frame, P_a"),
         "frame_height": ("1", "largest w / L in a frame"),
-        "cloud": ("mm", "points on the surface of the full device at P_a,max"),
-        "cloud_run": ("1", "row of a cloud"),
         "sections": ("mm", f"x and z of cuts through the part that was solved at y/L = {SECTION:g}"),
         "section_run": ("1", "row of a section"),
     }
@@ -493,15 +312,8 @@ def _row(loaded: Loaded, device: str, run: Run, kind: str, errors: dict[str, flo
 
 
 def write_errors(dataset: xr.Dataset, file: Path) -> None:
-    """Write the kept dataset: compressed, numbers in single precision, coordinates of surfaces in steps of ``STEP``."""
-    packed = {}
-    for name, variable in dataset.variables.items():
-        if name in ("cloud", "sections"):
-            packed[name] = {"dtype": "int16", "scale_factor": STEP, "_FillValue": -32768, "zlib": True, "complevel": 9}
-        elif variable.dtype.kind == "f":
-            squeezed = {"zlib": True, "complevel": 9} if variable.size > 1000 else {}
-            packed[name] = {"dtype": "float32", "_FillValue": np.float32(np.nan)} | squeezed
-    write_netcdf(dataset, file, packed, checked=False)
+    """Write the kept dataset, compressed."""
+    write_netcdf(dataset, file, packed(dataset), checked=False)
 
 
 def read_errors(file: Path) -> xr.Dataset:

@@ -34,11 +34,13 @@ _HEAD = """## The device
 Two devices: `np4`, N_p = 4 at P_v = 13.8 kPa as in the paper, and `np8`, N_p = 8 at P_v = 3.8 kPa. Each setting is solved once
 (`config/studies/accuracy_*`, `shells_*`) and compared with the mean of runs on the finest mesh whose flat states differ by a
 fraction of a thickness (`reference_*`); such runs on the default mesh (`scatter_*`) tell how far apart the same setting lands.
-`volumes` is the larger relative L2 error of V_v and Delta V_a over the ramp, `stress` that of the top-5 % von Mises stress at
-P_a,max, `w` that of the largest w there, `d_c` the symmetric Chamfer distance of the surfaces there. **An error within the
-scatter says nothing**: it is marked with ~. All runs keep 21 frames, which change no curve but cost newton iterations
-(`docs/methods.md`). Rows, curves and surfaces: `docs/gallery/data/accuracy.nc`."""
-_TO_MEASURE = "`make accuracy` measures it; the reference is solved first."
+`referee_*` is CalculiX itself on a finer mesh. `volumes` is the larger relative L2 error of V_v and Delta V_a over the ramp,
+`stress` that of the top-5 % von Mises stress at P_a,max, `w` that of the largest w there, `d_c` the symmetric Chamfer distance of
+the surfaces there. **An error within the scatter says nothing**: it is marked with ~. All runs keep 21 frames, which change no
+curve but cost newton iterations (`docs/methods.md`). Rows and curves: `docs/gallery/data/accuracy.nc`. Reference and referee take
+hours: their runs are solved once and kept with their curves and surfaces in `docs/gallery/data/<study>_runs.nc`; without that
+file they are solved anew."""
+_TO_MEASURE = "`make accuracy` measures it."
 
 
 def device_report(dataset: xr.Dataset | None, presets: dict[str, Preset]) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import re
 from dataclasses import replace
 from importlib import import_module
@@ -12,13 +13,10 @@ import pytest
 import xarray as xr
 
 from limo import device_errors
+from limo.case import study_cases
 from limo.config import Mesh, Preset, Stage
 from limo.device_errors import (
-    CLOUD,
     ERRORS,
-    STEP,
-    Run,
-    Surface,
     chamfer,
     changes_of,
     errors_of,
@@ -29,13 +27,12 @@ from limo.device_errors import (
     preset_of,
     read_errors,
     rows_of,
-    sampled,
     scatter_of,
-    section,
     settings_of,
     write_errors,
 )  # fmt: skip
 from limo.device_report import NOT_MEASURED, QUESTIONS, device_report, differences
+from limo.device_runs import CLOUD, STEP, Run, Surface, kept_file, lacking, read_runs, sampled, section, write_runs
 from limo.errors import ResultError
 from limo.figures import DEVICE_FIGURES, style
 
@@ -210,7 +207,7 @@ def gathered(loaded, make_run, make_case, monkeypatch):
         *(run("reference", "", f, "newton", 1000.0, b, level="fine") for b, f in enumerate((0.99, 1.0, 1.01))),
         *(run("scatter", "", f, "newton", 10.0, b) for b, f in enumerate((0.86, 0.94))),
         run("accuracy", "preview", 0.88, "calculix", 100.0),
-        run("accuracy", "medium", 0.97, "calculix", 3000.0, level="medium"),
+        run("referee", "", 0.97, "calculix", 3000.0, level="medium"),
         run("accuracy", "newton", 0.9, "newton", 10.0),
         run("accuracy", "newton_medium", 0.985, "newton", 400.0, level="medium"),
         run("accuracy", "newton_half", 0.9, "newton", 30.0, symmetry="front_back"),
@@ -220,7 +217,7 @@ def gathered(loaded, make_run, make_case, monkeypatch):
         replace(run("shells", "s8", 0.9, "calculix", 300.0, symmetry="full", element="S8"), surface=None),
     ]
     monkeypatch.setattr(device_errors, "runs_of", lambda loaded, device, *_: runs if device == "np4" else [])
-    return gather_errors(loaded, None, {})
+    return gather_errors(loaded, None, None, {})
 
 
 def test_the_page_of_results_says_what_is_in_the_file(gathered, tmp_path):
@@ -229,12 +226,51 @@ def test_the_page_of_results_says_what_is_in_the_file(gathered, tmp_path):
     assert rows(file) == table("accuracy.nc")
 
 
+@pytest.fixture
+def kept_runs(make_run, loaded):
+    """Two runs of a reference in a file, which are those of the study ``reference_np4``."""
+    cases = list(study_cases(loaded, "reference_np4").items())[:2]
+    points = np.linspace(-200.0, 200.0, 3 * CLOUD).reshape(-1, 3)
+    cuts = (np.zeros((0, 2, 2)), np.arange(8.0).reshape(2, 2, 2))
+    runs = []
+    for factor, (key, case) in zip((0.9, 1.1), cases, strict=True):
+        made = make_run(factor, part="reference", case_id=case.case_id, machine="a machine")
+        surface = replace(made.surface, cloud=points * factor, sections=cuts)
+        runs.append(replace(made, case=case, branch=key[-1], surface=surface, equations=(100.0, 400.0)))
+    return runs
+
+
+def test_kept_runs_survive_their_file(kept_runs, loaded, tmp_path):
+    """And those of another mesh are not taken for them."""
+    file = kept_file(tmp_path, "reference_np4")
+    assert read_runs(loaded, "reference_np4", file) == []
+    write_runs(kept_runs, file)
+    again = read_runs(loaded, "reference_np4", file)
+    assert [(r.case, r.branch, r.part, r.equations) for r in again] == [
+        (r.case, r.branch, r.part, r.equations) for r in kept_runs
+    ]
+    for one, other in zip(again, kept_runs, strict=True):
+        assert errors_of(one, [other]) == pytest.approx(dict.fromkeys(ERRORS, 0.0), abs=1e-4)
+        assert [c.shape for c in one.surface.sections] == [(0, 2, 2), (2, 2, 2)]
+        assert float(one.values.solver_time) == 10.0
+    assert lacking(loaded, "reference_np4", tmp_path) == [False, False, True, True, True]
+    coarser = loaded.studies["reference_np4"].model_copy(update={"mesh": Mesh(level="medium")})
+    other = copy.copy(loaded)
+    other.builds = {"newton": "another"}
+    assert len(read_runs(other, "reference_np4", file)) == 2, "the same cases by another build"
+    other.studies = {**loaded.studies, "reference_np4": coarser}
+    assert all(lacking(other, "reference_np4", tmp_path)), "another mesh"
+    assert read_runs(other, "reference_np4", file) == []
+    file.write_text("nothing")
+    with pytest.raises(ResultError, match="without the file they are solved anew"):
+        read_runs(loaded, "reference_np4", file)
+
+
 def test_rows_survive_their_file(gathered, tmp_path):
     file = tmp_path / "accuracy.nc"
     write_errors(gathered, file)
     kept = read_errors(file)
     assert kept.sizes == gathered.sizes
-    np.testing.assert_allclose(kept.cloud, gathered.cloud, atol=0.5 * STEP + 1e-6)
     np.testing.assert_allclose(kept.sections, gathered.sections, atol=0.5 * STEP + 1e-6)
     for name in gathered:
         assert kept[name].dtype.kind == "f" or list(kept[name].values) == list(gathered[name].values)
@@ -266,12 +302,11 @@ def test_rows_say_what_ran_and_how_wrong_it_is(gathered):
     assert chosen.count("reference") == 1
     assert "lost" not in chosen
     assert list(rows.setting.iloc[gathered.section_run.values.astype(int)]) == ["reference", "newton", "newton_medium"]
-    assert gathered.sizes["member"] == 3
 
 
 def test_differences_are_between_two_runs(gathered):
     rows = rows_of(gathered)
-    one, other = (rows.index[rows.setting == name][0] for name in ("newton_medium", "medium"))
+    one, other = (rows.index[rows.setting == name][0] for name in ("newton_medium", "referee"))
     found = differences(gathered, one, other)
     assert found["stress"] == pytest.approx(0.985 / 0.97 - 1)
     assert found["actuation_volume_change"] == pytest.approx(0.985 / 0.97 - 1)
@@ -302,7 +337,7 @@ def test_the_report_answers_from_the_rows(gathered, loaded):
 
 
 def test_what_was_not_run_is_not_measured(gathered, loaded):
-    kept = gathered.isel(run=~np.isin(gathered.setting, ["medium", "newton_half", "s8", "damped", "newton"]))
+    kept = gathered.isel(run=~np.isin(gathered.setting, ["referee", "newton_half", "s8", "damped", "newton"]))
     text = device_report(kept, loaded.config.presets)
     for key in ("preview", "symmetry", "shells", "damping", "engines"):
         assert f"**{QUESTIONS[key]}**\n  - `np4`: {NOT_MEASURED}.\n" in text + "\n"
@@ -314,7 +349,7 @@ def test_what_was_not_run_is_not_measured(gathered, loaded):
 def test_without_two_runs_of_a_reference_there_are_no_errors(loaded, monkeypatch, make_run):
     monkeypatch.setattr(device_errors, "runs_of", lambda *_: [make_run(part="reference"), make_run()])
     with pytest.raises(ResultError, match="two converged runs of its reference"):
-        gather_errors(loaded, None, {})
+        gather_errors(loaded, None, None, {})
 
 
 @pytest.mark.parametrize("name", DEVICE_FIGURES)

@@ -5,11 +5,15 @@ from __future__ import annotations
 import os
 import shutil
 
+import numpy as np
 import pytest
+import xarray as xr
 
 from limo.accuracy import read_airbags
+from limo.device_errors import read_errors, rows_of
 
 from .conftest import ROOT, Project, make_project
+from .test_results import rows, table
 
 
 def test_default_configuration_plans_one_solve_and_mesh_a_device(tmp_path):
@@ -196,17 +200,54 @@ def test_accuracy_plans_the_airbags_run_by_run(project):
     assert "solve_airbag" not in project.planned(), "no study needs them"
 
 
-def test_accuracy_solves_the_devices_that_have_a_reference(project):
+def without_airbags(project):
     for airbag in (project.folder / "config/airbags").iterdir():
         airbag.unlink()
+
+
+def test_accuracy_solves_the_devices_that_have_a_reference(project):
+    without_airbags(project)
     assert "gather_accuracy" not in project.planned("accuracy"), "no device has a reference"
     axes = {"n_pouches": [8], "ventricular_pressure": [3.8]}
     project.study("reference_small", axes=axes, engine="newton", branches=2, figures=[])
     project.study("accuracy_small", axes=axes, figures=[], variants={"plain": {}, "half": {"mesh": {"symmetry": "front_back"}}})
     planned = project.planned("accuracy")
     assert planned["solve_case"] == 4
-    assert planned["gather_study"] == 2
+    assert (planned["gather_study"], planned["keep_runs"]) == (1, 1)
     assert (planned["gather_accuracy"], planned["draw_accuracy"]) == (1, 4)
+
+
+def test_a_reference_is_solved_once_and_kept(project):
+    """Without results of the reference its kept runs serve; a further member is solved alone, and joins them."""
+    without_airbags(project)
+    axes, kept = {"n_pouches": [8], "ventricular_pressure": [3.8]}, project.folder / "docs/gallery/data/reference_small_runs.nc"
+    same = {"axes": axes, "engine": "newton", "figures": [], "outputs": ["volumes", "stress", "fatigue"], "frames": [0, 10]}
+    project.study("reference_small", branches=2, **same)
+    project.study("accuracy_small", variants={"even": {"mesh": {"symmetry": "front_back"}}}, **same)
+    done = project.snakemake("accuracy")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert rows(kept) == table("<study>_runs.nc")
+    before = xr.load_dataset(kept)
+    assert list(before.case_status.values) == ["converged"] * 2
+    assert np.isfinite(before.cloud).all()
+    reference = set(map(str, before.case_id.values))
+    for case_id in reference:
+        shutil.rmtree(project.folder / "results/cases" / case_id)
+    assert "solve_case" not in project.planned("accuracy")
+
+    project.study("reference_small", branches=3, **same)
+    assert project.planned("accuracy")["solve_case"] == 1
+    done = project.snakemake("accuracy")
+    assert done.returncode == 0, done.stdout + done.stderr
+    after = xr.load_dataset(kept)
+    assert len(reference & set(map(str, after.case_id.values))) == 2
+    for name in ("ventricle_volume", "picture_height", "cloud", "solver_time"):
+        np.testing.assert_array_equal(after[name][:2], before[name])
+    errors = rows_of(read_errors(project.folder / "docs/gallery/data/accuracy.nc"))
+    assert list(errors.members[errors.kind == "scatter"]) == [3]
+    assert "solve_case" not in project.planned("accuracy")
+    kept.unlink()
+    assert project.planned("accuracy")["solve_case"] == 2, "the third is still among the results"
 
 
 def test_accuracy_of_a_small_airbag_ends_in_figures_and_kept_rows(project):

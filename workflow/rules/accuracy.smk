@@ -76,6 +76,26 @@ rule keep_airbags:
         "../../scripts/keep_airbags.py"
 
 
+# solved once: where all its runs are kept already, nothing is needed to keep them
+rule keep_runs:
+    input:
+        runs_to_keep,
+    output:
+        update("docs/gallery/data/{study}_runs.nc"),
+    log:
+        "results/logs/keep_runs/{study}.log",
+    wildcard_constraints:
+        study="|".join(KEPT_STUDIES) or "none",
+    conda:
+        "../envs/limo.yaml"
+    params:
+        sources=lambda wildcards: served_by(wildcards.study),
+    message:
+        "Keep the runs of {wildcards.study}"
+    script:
+        "../../scripts/keep_runs.py"
+
+
 rule gather_accuracy:
     input:
         error_results(),
@@ -88,7 +108,7 @@ rule gather_accuracy:
     params:
         sources={name: served_by(name) for name in ERROR_STUDIES},
         presets=digest({name: preset.model_dump(mode="json") for name, preset in LOADED.config.presets.items()}),
-        code=code_digest(("device_errors",)),
+        code=code_digest(("device_errors", "device_runs")),
     message:
         "Gather the errors of the settings of the device"
     script:

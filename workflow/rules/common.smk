@@ -1,7 +1,8 @@
 # Longest first, so that the cores finish together, but what errors are measured against before; meshes before all, or the
 # longest case would wait for its own.
 ERROR_STUDIES = error_studies(LOADED)
-PRIORITIES = ranks(COSTS, {case_id for name in ERROR_STUDIES if name.startswith("reference_") for case_id in PLAN.of_study(name)})
+KEPT_STUDIES = [name for name in ERROR_STUDIES if name.startswith(KEPT_PARTS)]
+PRIORITIES = ranks(COSTS, {case_id for name in KEPT_STUDIES for case_id in PLAN.of_study(name)})
 MESH_PRIORITIES = {MESH_IDS[name]: len(COSTS) + rank for name, rank in PRIORITIES.items()}
 AIRBAG_RUNS = {name: runs_of(airbag) for name, airbag in LOADED.airbags.items()}
 
@@ -122,12 +123,27 @@ def served_by(name):
     return [case_id for key, case_id in PLAN.served[name].items() if key[0] != CROSS_CHECK]
 
 
+def runs_to_keep(wildcards):
+    """What the runs of a study are gathered from that are not kept yet."""
+    name = wildcards.study
+    try:
+        absent = lacking(LOADED, name, KEPT_FOLDER)
+    except LimoError as error:
+        raise WorkflowError(str(error)) from None
+    served = [source for source, lacks in zip(served_by(name), absent, strict=True) if lacks]
+    meshes = list(dict.fromkeys(f"results/meshes/{MESH_IDS[case_id]}.vtu" for case_id in served))
+    files = ["case.json", "status.json", "volumes.nc", "frames.nc", *(["measures.nc"] if LOADED.studies[name].measures else [])]
+    return meshes + expand("results/cases/{case}/{file}", case=served, file=files)
+
+
 def error_results():
     """What the errors of the settings of all devices are gathered from."""
-    served = list(dict.fromkeys(case_id for name in ERROR_STUDIES for case_id in PLAN.of_study(name)))
+    gathered = [name for name in ERROR_STUDIES if name not in KEPT_STUDIES]
+    served = list(dict.fromkeys(case_id for name in gathered for case_id in PLAN.of_study(name)))
     meshes = list(dict.fromkeys(f"results/meshes/{MESH_IDS[case_id]}.vtu" for case_id in served))
     cases = expand("results/cases/{case}/{file}", case=served, file=["case.json", "frames.nc"])
-    return [*expand("results/studies/{study}/study.nc", study=ERROR_STUDIES), *meshes, *cases]
+    kept = [str(kept_file(KEPT_FOLDER, name)) for name in KEPT_STUDIES]
+    return [*kept, *expand("results/studies/{study}/study.nc", study=gathered), *meshes, *cases]
 
 
 def device_targets():

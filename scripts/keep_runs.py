@@ -1,0 +1,12 @@
+"""Keep the runs of a study that takes hours, so that they are solved once (rule keep_runs)."""
+
+from pathlib import Path
+
+from limo.config import load_config
+from limo.device_runs import keep_runs
+from limo.door import logged
+
+with logged(snakemake.log[0]):  # noqa: F821
+    loaded = load_config(snakemake.config["file"])  # noqa: F821
+    folder = Path(snakemake.output[0]).parent  # noqa: F821
+    keep_runs(loaded, snakemake.wildcards.study, Path("results"), folder, snakemake.params.sources)  # noqa: F821
