@@ -22,7 +22,7 @@ from limo.case import (
 )
 from limo.config import load_config
 from limo.cost import plan_costs, ranks
-from limo.device_runs import KEPT_PARTS, error_studies, kept_file, lacking
+from limo.device_runs import KEPT_PARTS, TIMED_PARTS, error_studies, kept_file, lacking
 from limo.engines.find import find_builds, find_engines
 from limo.errors import LimoError
 from limo.figures import AIRBAG_FIGURES, DEVICE_FIGURES, SHAPES, items_of, renderer_lacks

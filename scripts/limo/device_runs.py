@@ -28,6 +28,8 @@ from limo.overhead import processor
 
 PARTS = ("accuracy", "reference", "referee", "scatter", "shells")
 KEPT_PARTS = ("reference", "referee")
+#: parts of which short runs are timed several times
+TIMED_PARTS = ("accuracy", "shells")
 #: points of a cloud on the surface of the full device, and steps of the stored coordinates in mm
 CLOUD, STEP = 6000, 0.01
 #: where the device is cut, y / L
@@ -110,7 +112,8 @@ def section(nodes: np.ndarray, quads: np.ndarray, displacement: np.ndarray, y: f
 class Run:
     """One run: study's part, variant, branch, its values in the study's dataset, and its surface where there is one.
 
-    ``equations``: displacements of the part that was solved, and of the full device.
+    ``equations``: displacements of the part that was solved, and of the full device; ``times``: CPU seconds of the solver, each
+    time the case was solved.
     """
 
     part: str
@@ -121,6 +124,7 @@ class Run:
     values: xr.Dataset
     surface: Surface | None
     equations: tuple[float, float] = (np.nan, np.nan)
+    times: tuple[float, ...] = ()
 
     @property
     def converged(self) -> bool:
@@ -167,7 +171,9 @@ def _runs_in(loaded: Loaded, name: str, dataset: xr.Dataset, results: Path, sour
         at = {d: v for d, v in (("variant", variant), ("branch", branch)) if d in dataset.dims}
         values = dataset.sel(at).squeeze(drop=True)
         if str(values.case_status.values) != "missing":
-            runs.append(Run(*_named(loaded, name, variant), branch, case, values, *_shape(results, source)))
+            timed = results / "times" / f"{source}.json"
+            times = read_json(timed)["cpu_seconds"] if timed.exists() else [float(values.solver_time)]
+            runs.append(Run(*_named(loaded, name, variant), branch, case, values, *_shape(results, source), tuple(times)))
     return runs
 
 
@@ -308,7 +314,15 @@ def _kept_run(named: tuple[str, str, str], branch: int, case: Case, row: xr.Data
     cuts = [cut[np.isfinite(cut).all(axis=(1, 2))] for cut in row.sections.values[known]]
     surface = Surface(row.picture_pressure.values[known], row.picture_height.values[known], row.cloud.values, tuple(cuts))
     equations = float(row.solved_degrees_of_freedom), float(row.degrees_of_freedom)
-    return Run(*named, branch, case, row.drop_vars(["kept_name", *_SHAPES]), surface if known.any() else None, equations)
+    return Run(
+        *named,
+        branch,
+        case,
+        row.drop_vars(["kept_name", *_SHAPES]),
+        surface if known.any() else None,
+        equations,
+        (float(row.solver_time),),
+    )
 
 
 def _opened(file: Path) -> xr.Dataset:

@@ -160,7 +160,7 @@ def _attempt(
         write_json(run_folder / NUMERICS, case.numerics.model_dump(mode="json"))
     model = build_model(case, mesh)
     log.info("%s, %s: %d elements, %d equations or more", case.case_id, rung, len(mesh.quads), 3 * len(model.nodes))
-    with _solved(model, run_folder, solver, command, before) as path:
+    with path_of(model, run_folder, solver, command, before) as path:
         history, frames, harvest_error = _harvest(model, path)
     status, reason = path.status, path.reason
     if harvest_error:
@@ -203,12 +203,12 @@ def _record(attempt: Attempt) -> dict:
 
 def follow(model: Model, run_folder: Path, solver: Solver, command: Path | None = None) -> tuple[str, xr.Dataset]:
     """How a model's path ends, and its volumes at every increment: a solve of which nothing is kept."""
-    with _solved(model, run_folder, solver, command, None) as path:
+    with path_of(model, run_folder, solver, command, None) as path:
         return path.status, _harvest(model, path)[0]
 
 
 @contextmanager
-def _solved(
+def path_of(
     model: Model, run_folder: Path, solver: Solver, command: Path | None, before: EnginePath | None
 ) -> Iterator[EnginePath]:
     """The path of a model by the engine of its case. CalculiX cannot carry on from ``before`` (see ``limo.deck``)."""

@@ -100,7 +100,7 @@ def make_run(make_case):
         values = xr.Dataset(values | changed, coords={"actuation_pressure": PRESSURE, "frame": ["0", "max"]})
         points = np.stack(np.meshgrid(np.arange(40.0), np.arange(40.0), [shift]), axis=-1).reshape(-1, 3)
         surface = Surface(np.array([0.0, 60.0]), np.array([0.0, 0.1 * factor]), points)
-        return Run(part, "", "", 0, make_case(), values, surface)
+        return Run(part, "", "", 0, make_case(), values, surface, times=(float(values.solver_time),))
 
     return make
 

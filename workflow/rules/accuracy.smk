@@ -96,6 +96,25 @@ rule keep_runs:
         "../../scripts/keep_runs.py"
 
 
+rule time_case:
+    input:
+        mesh=ancient(mesh_of_case),
+        status="results/cases/{case}/status.json",
+    output:
+        "results/times/{case}.json",
+    log:
+        "results/logs/time_case/{case}.log",
+    conda:
+        "../envs/limo.yaml"
+    threads: LOADED.config.solver.threads
+    params:
+        case=lambda wildcards: PLAN.cases[wildcards.case].to_dict(),
+    message:
+        "Time {wildcards.case} again where that is short"
+    script:
+        "../../scripts/time_case.py"
+
+
 rule gather_accuracy:
     input:
         error_results(),

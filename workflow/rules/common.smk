@@ -143,7 +143,9 @@ def error_results():
     meshes = list(dict.fromkeys(f"results/meshes/{MESH_IDS[case_id]}.vtu" for case_id in served))
     cases = expand("results/cases/{case}/{file}", case=served, file=["case.json", "frames.nc"])
     kept = [str(kept_file(KEPT_FOLDER, name)) for name in KEPT_STUDIES]
-    return [*kept, *expand("results/studies/{study}/study.nc", study=gathered), *meshes, *cases]
+    timed = dict.fromkeys(case_id for name in gathered if name.startswith(TIMED_PARTS) for case_id in PLAN.of_study(name))
+    times = expand("results/times/{case}.json", case=timed)
+    return [*kept, *expand("results/studies/{study}/study.nc", study=gathered), *meshes, *cases, *times]
 
 
 def device_targets():
