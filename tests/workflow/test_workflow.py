@@ -245,6 +245,7 @@ def test_a_reference_is_solved_once_and_kept(project):
         np.testing.assert_array_equal(after[name][:2], before[name])
     errors = rows_of(read_errors(project.folder / "docs/gallery/data/accuracy.nc"))
     assert list(errors.members[errors.kind == "scatter"]) == [3]
+    assert list(errors.timed[errors.part == "accuracy"]) == [3], "a case of less than a minute"
     assert "solve_case" not in project.planned("accuracy")
     kept.unlink()
     assert project.planned("accuracy")["solve_case"] == 2, "the third is still among the results"
