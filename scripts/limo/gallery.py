@@ -1,7 +1,8 @@
 """The gallery: datasets of the studies, small enough to keep, figures drawn from them alone, and a page of both.
 
 ``data/<study>.nc`` and ``data/<study>_shapes.nc`` are what a study's figures are drawn from: no solver, and no other file;
-``data/material.nc`` is the tensile test with its fit.
+``data/material.nc`` is the tensile test with its fit. A set in a folder of its own (another preset of the same studies) keeps
+the curves alone: surfaces on a fine mesh are too large, so figures of them are drawn from the results, once.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from limo.figures import SHAPES, style, tensile_test
 from limo.figures.measured import read_measured
 from limo.files import write_netcdf, write_whole
 
-#: bytes that all of the gallery's data may take together
+#: bytes that the data of all studies, those of sets included, may take together
 LARGEST_DATA = 5_000_000
 PAGE = "README.md"
 #: the fit of the fabric's modulus, which is no study: where it is made, kept and drawn
@@ -34,29 +35,32 @@ SQUEEZED = {"dtype": "float32", "zlib": True, "shuffle": True, "complevel": 9}
 _EXAMPLE = "limo gallery afterload"
 
 
-def keep(loaded: Loaded, studies: Iterable[str], results: Path, gallery: Path) -> list[Path]:
+def keep(loaded: Loaded, studies: Iterable[str], results: Path, gallery: Path, part: str = "") -> list[Path]:
     """Take the datasets of studies (none: all that are gathered, and the tensile test) from ``results``; returns what is kept.
+
+    ``part``: the set that they are kept as, without their shapes.
 
     Raises ``LimoError`` for a study that is named and not gathered, and when the gallery's data would exceed
     ``LARGEST_DATA``; nothing is copied then.
     """
-    named = list(studies)
+    named, data = list(studies), gallery / part / "data"
     copies: dict[Path, Path] = {}
     for name in named or loaded.studies:
         folder = results / "studies" / name
         if name in named and not (folder / "study.nc").exists():
             raise LimoError(f"{folder / 'study.nc'}: not gathered yet; snakemake --cores 2 {name} does that")
-        for file, kept in (("study.nc", f"{name}.nc"), ("shapes.nc", f"{name}_shapes.nc")):
+        for file, kept in (("study.nc", f"{name}.nc"), ("shapes.nc", f"{name}_shapes.nc"))[: 1 if part else 2]:
             if (folder / file).exists():
-                copies[gallery / "data" / kept] = folder / file
-    if not named and (results / MATERIAL).exists():
-        copies[gallery / "data" / MATERIAL_KEPT] = results / MATERIAL
-    stay = [f for f in (gallery / "data").glob("*") if f not in copies]
+                copies[data / kept] = folder / file
+    if not named and not part and (results / MATERIAL).exists():
+        copies[data / MATERIAL_KEPT] = results / MATERIAL
+    ours = {MATERIAL_KEPT, *(f"{name}{shapes}.nc" for name in loaded.studies for shapes in ("", "_shapes"))}
+    stay = [f for f in gallery.glob("**/data/*.nc") if f.name in ours and f not in copies]
     with tempfile.TemporaryDirectory() as folder:
         packed = {target: _packed(source, Path(folder) / target.name) for target, source in copies.items()}
         total = sum(f.stat().st_size for f in (*stay, *packed.values()))
         if total > LARGEST_DATA:
-            raise LimoError(f"{gallery / 'data'}: {total / 1e6:.1f} MB together; {LARGEST_DATA / 1e6:g} MB is the most")
+            raise LimoError(f"{gallery}: {total / 1e6:.1f} MB of data together; {LARGEST_DATA / 1e6:g} MB is the most")
         for target, source in packed.items():
             write_whole(target, lambda path, source=source: shutil.copyfile(source, path))
     return list(copies)
@@ -72,8 +76,10 @@ def _packed(source: Path, target: Path) -> Path:
     return target
 
 
-def draw(loaded: Loaded, studies: Iterable[str], gallery: Path) -> list[Path]:
+def draw(loaded: Loaded, studies: Iterable[str], gallery: Path, results: Path | None = None) -> list[Path]:
     """Draw the figures of studies (none: all that the gallery holds) from its data, and its page; returns the files.
+
+    Shapes that it does not hold are taken from ``results``; where there are none, their figures stay as they are.
 
     Raises ``LimoError`` for a study whose data are not there.
     """
@@ -85,12 +91,16 @@ def draw(loaded: Loaded, studies: Iterable[str], gallery: Path) -> list[Path]:
         style.close(drawn)
 
     for name in named or _kept(loaded, gallery):
-        data = [gallery / "data" / f"{name}.nc", gallery / "data" / f"{name}_shapes.nc"]
+        dataset, shapes = _read(gallery / "data" / f"{name}.nc"), gallery / "data" / f"{name}_shapes.nc"
+        if results is not None and not shapes.exists():
+            shapes = results / "studies" / name / "shapes.nc"
         study = loaded.studies[name]
         measured = read_measured(Path(study.measured)) if study.measured else None
         for figure in study.figures:
-            datasets = [_read(file) for file in data[: 1 + (figure in SHAPES)]]
-            add(f"{name}_{figure}.png", import_module(f"limo.figures.{figure}").draw(datasets[0], measured, *datasets[1:]))
+            if figure in SHAPES and not shapes.exists():
+                continue
+            surfaces = [_read(shapes)] if figure in SHAPES else []
+            add(f"{name}_{figure}.png", import_module(f"limo.figures.{figure}").draw(dataset, measured, *surfaces))
     if not named and (gallery / "data" / MATERIAL_KEPT).exists():
         add(MATERIAL_FIGURE, tensile_test.draw(_read(gallery / "data" / MATERIAL_KEPT)))
     page = gallery / PAGE
@@ -98,11 +108,21 @@ def draw(loaded: Loaded, studies: Iterable[str], gallery: Path) -> list[Path]:
     return [*files, page]
 
 
-def make_gallery(config_file: str, studies: list[str], results: Path, gallery: Path, *, redraw: bool) -> list[Path]:
-    """Keep and draw studies; with ``redraw`` draw what the gallery already holds. Returns the files that were written."""
+def make_gallery(
+    config_file: str, studies: list[str], results: Path, gallery: Path, part: str = "", *, redraw: bool = False
+) -> list[Path]:
+    """Keep and draw studies; with ``redraw`` draw what the gallery, or its set ``part``, already holds.
+
+    Returns the files that were written. Raises ``LimoError`` for what ``keep`` and ``draw`` refuse, and for a set whose name
+    is no plain word.
+    """
+    if part and (not part.isidentifier() or part == "data"):
+        raise LimoError(f"--set {part}: a word of letters, digits and _ is wanted, and not data; for example --set standard")
     loaded = load_config(config_file)
     loaded.require(studies, config_file, _EXAMPLE)
-    return [*([] if redraw else keep(loaded, studies, results, gallery)), *draw(loaded, studies, gallery)]
+    if redraw:
+        return draw(loaded, studies, gallery / part)
+    return [*keep(loaded, studies, results, gallery, part), *draw(loaded, studies, gallery / part, results)]
 
 
 def _kept(loaded: Loaded, gallery: Path) -> list[str]:
@@ -136,12 +156,19 @@ def _page(loaded: Loaded, gallery: Path) -> str:
             sections.append("\n".join(f"- {gap}" for gap in gaps))
     if (gallery / MATERIAL_FIGURE).exists():
         sections.append(f"## material\n\nThe fabric's modulus from a tensile test.\n\n![tensile test]({MATERIAL_FIGURE})")
+    sets = sorted(page.parent.name for page in gallery.glob(f"*/{PAGE}"))
+    further = "Sets beside this one: " + ", ".join(f"[{name}]({name}/{PAGE})" for name in sets) + "."
+    surfaces = [name for name in names if set(loaded.studies[name].figures) & set(SHAPES)]
+    bare = any(not (gallery / "data" / f"{name}_shapes.nc").exists() for name in surfaces)
+    unkept = "Surfaces are not among these data: figures of them were drawn when the set was made."
     return "\n\n".join(
         [
             "# Gallery",
             "Written by `limo gallery`; do not edit. Datasets are in `data/`; `limo gallery --redraw` draws every figure from "
             "them, without a solver. A case that several studies share was solved once and counts in each. The last column is a "
             "hash of the resolved configuration that each dataset holds as its attribute `config`.",
+            *([further] * bool(sets)),
+            *([unkept] * bare),
             "\n".join(lines),
             *sections,
         ]

@@ -15,6 +15,7 @@ from limo.dataset import gather_study
 from limo.errors import LimoError
 from limo.files import write_netcdf
 from limo.material import tensile_test
+from limo.shapes import gather_shapes, write_shapes
 
 
 @pytest.fixture
@@ -84,6 +85,42 @@ def test_figures_come_from_the_gallery_alone(project):
     shutil.rmtree(project / "results")
     assert main(["gallery", "--redraw"]) == 0
     assert figure.read_bytes() == drawn
+
+
+def test_a_set_stands_in_a_folder_of_its_own_without_surfaces(project, capsys):
+    study = yaml.safe_load((project / "config/studies/one.yaml").read_text())
+    shapes = project / "results/studies/one/shapes.nc"
+    (project / "config/studies/one.yaml").write_text(yaml.safe_dump(study | {"figures": ["pressure_volume", "deformation"]}))
+    write_shapes(gather_shapes(load_config("config/config.yaml"), "one", project / "cases", project / "meshes"), shapes)
+    assert main(["gallery", "--set", "standard"]) == 0
+    made, picture = project / "docs/gallery/standard", "one_deformation.png"
+    assert [f.name for f in (made / "data").iterdir()] == ["one.nc"]
+    drawn = (made / picture).read_bytes()
+    page = (made / "README.md").read_text()
+    assert f"({picture})" in page
+    assert "Surfaces are not among these data" in page
+    (made / "one_pressure_volume.png").unlink()
+    assert main(["gallery", "--set", "standard", "--redraw"]) == 0
+    assert (made / picture).read_bytes() == drawn, "what cannot be drawn again stays"
+    assert (made / "one_pressure_volume.png").exists()
+    assert main(["gallery"]) == 0
+    page = (project / "docs/gallery/README.md").read_text()
+    assert "[standard](standard/README.md)" in page
+    assert "Surfaces are not" not in page
+    assert main(["gallery", "--set", "../x"]) == 1
+    assert "--set standard" in capsys.readouterr().err
+
+
+def test_what_the_error_studies_keep_does_not_count(project, monkeypatch):
+    loaded, folder = load_config("config/config.yaml"), project / "gallery"
+    (folder / "data").mkdir(parents=True)
+    (folder / "data/accuracy.nc").write_bytes(bytes(200_000))
+    monkeypatch.setattr(gallery, "LARGEST_DATA", 150_000)
+    gallery.keep(loaded, [], project / "results", folder)
+    monkeypatch.setattr(gallery, "LARGEST_DATA", 60_000)
+    with pytest.raises(LimoError, match="is the most"):
+        gallery.keep(loaded, [], project / "results", folder, "standard")
+    assert not (folder / "standard").exists()
 
 
 def test_a_study_that_is_not_gathered_or_not_there_is_one_message(project, capsys):
