@@ -208,8 +208,7 @@ def gather_errors(loaded: Loaded, results: Path, folder: Path, sources: Mapping[
         reference = [run for run in runs if run.part == "reference" and run.converged]
         if len(reference) < 2:
             continue
-        for part in ("reference", "scatter"):
-            members = [run for run in runs if run.part == part and run.converged]
+        for members in _ensembles(runs):
             if len(members) > 1:
                 mean = mean_of(members)
                 kinds = {"scatter": scatter_of(members), "mean": errors_of(mean, reference)}
@@ -243,6 +242,15 @@ def gather_errors(loaded: Loaded, results: Path, folder: Path, sources: Mapping[
         machine=processor(),
         presets=json.dumps({name: preset.model_dump(mode="json") for name, preset in loaded.config.presets.items()}),
     )
+
+
+def _ensembles(runs: Sequence[Run]) -> list[list[Run]]:
+    """The converged runs of each mesh of the reference and of the scatter."""
+    found: dict[tuple[str, str], list[Run]] = {}
+    for run in runs:
+        if run.part in ("reference", "scatter") and run.converged:
+            found.setdefault((run.part, run.variant), []).append(run)
+    return [*found.values()]
 
 
 def _is_shown(row: dict) -> bool:
@@ -371,7 +379,7 @@ def exponent(size: np.ndarray, cost: np.ndarray) -> tuple[float, float]:
 
 
 def scatter_row(rows: pd.DataFrame, part: str) -> pd.Series | None:
-    """What paths alone make of the errors on the finest (``reference``) or the default mesh (``scatter``) of one device."""
+    """What paths alone make of one device's errors on the finest mesh (``reference``) or the default one (first ``scatter``)."""
     found = rows[(rows.kind == "scatter") & (rows.part == part)]
     return found.iloc[0] if len(found) else None
 

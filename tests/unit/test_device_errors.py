@@ -205,7 +205,8 @@ def gathered(loaded, make_run, make_case, monkeypatch):
 
     runs = [
         *(run("reference", "", f, "newton", 1000.0, b, level="fine") for b, f in enumerate((0.99, 1.0, 1.01))),
-        *(run("scatter", "", f, "newton", 10.0, b) for b, f in enumerate((0.86, 0.94))),
+        *(run("scatter", "preview", f, "newton", 10.0, b) for b, f in enumerate((0.86, 0.94))),
+        *(run("scatter", "coarse", f, "newton", 90.0, b, level="coarse") for b, f in enumerate((0.98, 1.0))),
         run("accuracy", "preview", 0.88, "calculix", 100.0),
         run("referee", "", 0.97, "calculix", 3000.0, level="medium"),
         run("accuracy", "newton", 0.9, "newton", 10.0),
@@ -286,7 +287,7 @@ def test_rows_survive_their_file(gathered, tmp_path):
 
 def test_rows_say_what_ran_and_how_wrong_it_is(gathered):
     rows = rows_of(gathered)
-    assert len(rows) == 14 + 4
+    assert len(rows) == 16 + 6
     by = rows[rows.kind == "run"].set_index(["part", "setting", "branch"])
     newton = by.loc["accuracy", "newton", 0]
     assert newton.error_stress == pytest.approx(0.1)
@@ -295,9 +296,9 @@ def test_rows_say_what_ran_and_how_wrong_it_is(gathered):
     assert by.loc["accuracy", "newton_medium", 0].preset == "standard"
     assert by.loc["accuracy", "damped", 0].change == "ramp.damping 1e+07"
     assert by.loc["reference", "reference", 1].error_stress == pytest.approx(0.0, abs=1e-12)
-    mean = rows[(rows.kind == "mean") & (rows.part == "scatter")].iloc[0]
-    assert mean.error_stress == pytest.approx(0.1)
-    assert mean.cpu_seconds == 10
+    means = rows[(rows.kind == "mean") & (rows.part == "scatter")].set_index("setting")
+    assert means.error_stress.to_dict() == pytest.approx({"preview": 0.1, "coarse": 0.01})
+    assert means.cpu_seconds.to_dict() == {"preview": 10, "coarse": 90}
     chosen = list(settings_of(rows).setting)
     assert chosen.count("reference") == 1
     assert "lost" not in chosen
@@ -328,7 +329,10 @@ def test_the_report_answers_from_the_rows(gathered, loaded):
     paper = answers[QUESTIONS["paper"]]
     assert "with newton, largest w 1.5% of at most 2.0%: met" in paper
     assert "with calculix, largest w 3.0% of at most 2.0%: **not met**" in paper
-    assert "is off the reference by 10.0% in volumes" in answers[QUESTIONS["scatter"]]
+    scatter = answers[QUESTIONS["scatter"]]
+    assert re.search(r"2 runs at `preview` [^;]+ their mean is off the reference by 10\.0% and 10\.0%", scatter)
+    assert re.search(r"2 runs at `coarse` [^;]+ their mean is off the reference by 1\.0% and 1\.0%", scatter)
+    assert "| scatter of coarse | coarse | newton |" in text
     assert "stress +1.5%, CPU time 0.13 times" in answers[QUESTIONS["engines"]]
     assert re.search(r"\| lost \| coarse \| calculix \| \d+ \| diverged ", text)
     assert re.search(r"\| np4 \| standard \| medium \| quarter \| newton \| 400 \| 3600 \| 1\.5% ", text)
