@@ -24,7 +24,7 @@ from limo.config import load_config
 from limo.cost import plan_costs, ranks
 from limo.device_runs import KEPT_PARTS, TIMED_PARTS, error_studies, kept_file, lacking
 from limo.engines.find import find_builds, find_engines
-from limo.errors import LimoError
+from limo.errors import ConfigError, LimoError
 from limo.figures import AIRBAG_FIGURES, DEVICE_FIGURES, SHAPES, items_of, renderer_lacks
 from limo.page import CODE as PAGE_CODE
 from limo.page import TEMPLATES, sources
@@ -35,6 +35,10 @@ from limo.sampling import stress_cases
 CONFIG_FILE = config.get("file", "config/config.yaml")
 KEPT_FOLDER = Path("docs/gallery/data")
 try:
+    for key, value in config.items():
+        if key not in ("file", "solving"):  # the second is set below, for scripts
+            expected = f"the key file alone: {key} is a line of that file"
+            raise ConfigError("snakemake --config", key, value, expected, f"--config file={CONFIG_FILE}")
     LOADED = load_config(CONFIG_FILE)
     CCX = find_engines(LOADED, CONFIG_FILE)
 except LimoError as error:

@@ -43,7 +43,7 @@ class Project:
         change(data)
         path.write_text(yaml.safe_dump(data))
 
-    def snakemake(self, *arguments: str, cores: int = 2) -> subprocess.CompletedProcess[str]:
+    def snakemake(self, *arguments: str, cores: int = 2, config: str = "") -> subprocess.CompletedProcess[str]:
         """Run the workflow in the folder."""
         command = [
             sys.executable,
@@ -58,6 +58,7 @@ class Project:
             *arguments,
             "--config",
             f"file={self.config_file}",
+            *config.split(),
         ]
         return subprocess.run(command, cwd=self.folder, capture_output=True, text=True, timeout=1800, check=False)
 

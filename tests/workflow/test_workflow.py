@@ -103,6 +103,15 @@ def test_a_mistake_in_the_configuration_is_one_message_before_anything_runs(proj
     assert not (project.folder / "results").exists()
 
 
+def test_a_key_of_the_configuration_is_not_taken_from_the_command_line(project):
+    """It would mean nothing there, and be overlooked."""
+    done = project.snakemake("-n", config="preset=standard")
+    output = done.stdout + done.stderr
+    assert done.returncode != 0
+    assert "Traceback" not in output
+    assert "preset = 'standard': expected the key file alone" in output
+
+
 def test_a_missing_solver_is_one_message(project, monkeypatch):
     keep = [p for p in os.environ["PATH"].split(os.pathsep) if not os.path.exists(os.path.join(p, "ccx"))]
     monkeypatch.setenv("PATH", os.pathsep.join(keep))
