@@ -20,7 +20,7 @@ from limo.case import (
     digest,
     solve_code,
 )
-from limo.config import load_config
+from limo.config import ENGINES, load_config
 from limo.cost import plan_costs, ranks
 from limo.device_runs import KEPT_PARTS, TIMED_PARTS, error_studies, kept_file, lacking
 from limo.engines.find import find_builds, find_engines

@@ -803,6 +803,20 @@ class StressTest(Section):
     boxes: dict[Annotated[str, Field(pattern=NAME)], Box] = Field(min_length=1, description="boxes by name")
 
 
+class Scaling(Section):
+    """Ever finer meshes of one full device, each iterated a few times (``snakemake accuracy``)."""
+
+    device: str = Field("limo", pattern=NAME, description="name of a file in config/devices", examples=["limo"])
+    n_pouches: Pouches = Field(8, description="N_p, even", examples=[8])
+    ventricular_pressure: float = Field(3.8, ge=0, le=100, description="P_v in kPa", examples=[3.8])
+    start: int = Field(20000, ge=1000, le=5_000_000, description="displacements of the first mesh", examples=[20000])
+    factor: float = Field(2.0, ge=1.2, le=10, description="displacements of a mesh over those of the one before", examples=[2])
+    memory: float = Field(
+        0.85, gt=0, le=1, description="share of the machine's memory beyond which no size is tried", examples=[0.85]
+    )
+    minutes: float = Field(15.0, gt=0, description="CPU time of a size beyond which it is not tried", examples=[15])
+
+
 # --------------------------------------------------------------------------------------------------------------------
 # the square airbag
 
@@ -951,6 +965,7 @@ class Config(Section):
     limits: Limits = Field(Limits(), description="what a case must keep to count as converged")
     recovery: Recovery = Field(Recovery(), description="what is tried in turn when a case fails")
     stress_test: StressTest | None = Field(None, description="cases that look for what fails")
+    scaling: Scaling | None = Field(None, description="ever larger models, to see what they take")
     fatigue: Fatigue = Field(Fatigue(), description="strain-life curve of the fatigue output, each number with its origin")
     tensile_test: TensileTest = Field(TensileTest(), description="what `snakemake material` fits the modulus of the fabric to")
 
@@ -1186,6 +1201,8 @@ def load_config(path: str | Path = "config/config.yaml") -> Loaded:
     _check_recovery(path, config)
     if config.stress_test:
         _check_stress_test(path, loaded, config.stress_test)
+    if config.scaling:
+        _check_names(path, "scaling.device", config.scaling.device, devices)
     cut: set[tuple[str, float, int]] = set()
     for name, study in studies.items():
         _check_study(loaded, files[f"studies/{name}"], study, cut)

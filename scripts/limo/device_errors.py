@@ -22,6 +22,8 @@ from limo.device_runs import SECTION, Run, devices, packed, padded, runs_of, sta
 from limo.errors import ResultError
 from limo.files import UNREADABLE, write_netcdf
 from limo.overhead import processor
+from limo.scaling import COLUMNS as SIZES
+from limo.scaling import MEASURED, read_scaling
 
 #: curves that are compared, and values
 CURVES = ("ventricle_volume", "actuation_volume_change")
@@ -236,7 +238,7 @@ def gather_errors(loaded: Loaded, results: Path, folder: Path, sources: Mapping[
     data["section_run"] = ("section", np.array(shown, float))
     cuts = stacked([surfaces[k].sections for k in shown], data["frame_height"][1].shape[1])
     data["sections"] = (("section", "frame", "segment", "end", "plane"), cuts)
-    dataset = xr.Dataset(data, coords={"actuation_pressure": pressure})
+    dataset = xr.Dataset(data | read_scaling(results / "scaling"), coords={"actuation_pressure": pressure})
     return _described(dataset).assign_attrs(
         title="errors of the settings of the device",
         machine=processor(),
@@ -266,6 +268,7 @@ def _is_shown(row: dict) -> bool:
 
 def _described(dataset: xr.Dataset) -> xr.Dataset:
     words = NUMBERS | {f"error_{name}": ("1", f"error: {text}") for name, text in ERRORS.items()}
+    words |= {f"size_{name}": (units, text) for name, (units, text) in SIZES.items() if units}
     words |= {
         "ventricle_volume": ("ml", "ventricle volume, V_v"),
         "actuation_volume_change": ("ml", "pouch volume since P_a = 0, Delta V_a"),
@@ -276,7 +279,8 @@ def _described(dataset: xr.Dataset) -> xr.Dataset:
     }
     for name, (units, long_name) in words.items():
         dataset[name].attrs = {"units": units, "long_name": long_name}
-    for name, long_name in TEXT.items():
+    texts = TEXT | {f"size_{name}": text for name, (units, text) in SIZES.items() if not units}
+    for name, long_name in texts.items():
         dataset[name].attrs = {"long_name": long_name}
     dataset.actuation_pressure.attrs = {"units": "kPa", "long_name": "actuation pressure, P_a"}
     return dataset
@@ -332,7 +336,8 @@ def read_errors(file: Path) -> xr.Dataset:
         dataset = xr.load_dataset(file)
     except UNREADABLE as error:
         raise ResultError(f"{file}: not the dataset of measured errors ({error})") from None
-    if missing := [n for n in (*TEXT, *NUMBERS, *(f"error_{e}" for e in ERRORS)) if n not in dataset]:
+    wanted = (*TEXT, *NUMBERS, *(f"error_{e}" for e in ERRORS), *(f"size_{n}" for n in SIZES))
+    if missing := [n for n in wanted if n not in dataset]:
         raise ResultError(f"{file}: no variables {', '.join(missing)}")
     return dataset
 
@@ -382,6 +387,13 @@ def scatter_row(rows: pd.DataFrame, part: str) -> pd.Series | None:
     """What paths alone make of one device's errors on the finest mesh (``reference``) or the default one (first ``scatter``)."""
     found = rows[(rows.kind == "scatter") & (rows.part == part)]
     return found.iloc[0] if len(found) else None
+
+
+def sizes_of(dataset: xr.Dataset) -> pd.DataFrame:
+    """The sizes that were measured, columns as in ``limo.scaling`` but ``seconds_per_iteration`` for what all of them took."""
+    table = pd.DataFrame({name: dataset[f"size_{name}"].values for name in SIZES})
+    table = table[table.status == MEASURED]
+    return table.assign(seconds_per_iteration=table.pop("cpu_seconds") / table.iterations)
 
 
 def scaling_of(rows: pd.DataFrame) -> pd.DataFrame:

@@ -10,7 +10,7 @@ import pandas as pd
 import xarray as xr
 
 from limo.config import Preset
-from limo.device_errors import CURVES, exponent, rows_of, scaling_of, scatter_row, settings_of
+from limo.device_errors import CURVES, exponent, rows_of, scaling_of, scatter_row, settings_of, sizes_of
 from limo.markdown import markdown_table, number, signed_percent
 
 NOT_MEASURED = "not measured"
@@ -40,6 +40,11 @@ the surfaces there. **An error within the scatter says nothing**: it is marked w
 curve but cost newton iterations (`docs/methods.md`). Rows and curves: `docs/gallery/data/accuracy.nc`. Reference and referee take
 hours: their runs are solved once and kept with their curves and surfaces in `docs/gallery/data/<study>_runs.nc`; without that
 file they are solved anew."""
+_SCALING = (
+    "CPU time by whole runs that differ in mesh level and symmetry alone; time of an iteration and memory by models of the full "
+    "device that were iterated a few times from flat, each twice the size of the one before, as far as memory and patience go "
+    "(`scaling` in `config/config.yaml`)."
+)
 _TO_MEASURE = "`make accuracy` measures it."
 
 
@@ -58,7 +63,7 @@ def device_report(dataset: xr.Dataset | None, presets: dict[str, Preset]) -> str
     names = list(dict.fromkeys(rows.device))
     parts += ["### Presets", markdown_table(pd.concat([_presets(rows[rows.device == name], presets, name) for name in names]))]
     parts += ["### Answers", _answers({name: _answers_of(dataset, rows[rows.device == name]) for name in names})]
-    parts += ["### What it takes to solve larger models", markdown_table(_scaling(rows))]
+    parts += ["### What it takes to solve larger models", _SCALING, markdown_table(_scaling(rows, sizes_of(dataset)))]
     for name in names:
         parts += [f"### Every setting of `{name}`", markdown_table(_settings(rows[rows.device == name]))]
     return "\n\n".join(parts)
@@ -106,20 +111,28 @@ def _settings(rows: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(table)
 
 
-def _scaling(rows: pd.DataFrame) -> pd.DataFrame:
-    """Exponents over the displacements that are solved for, and how many of them fit into the machine."""
+def _scaling(rows: pd.DataFrame, sizes: pd.DataFrame) -> pd.DataFrame:
+    """Exponents over the displacements that are solved for, the largest model that was tried, and what fits into the machine.
+
+    Those of an iteration and of memory are fitted to models of the full device where such were measured, else to the runs.
+    """
     table = []
     for engine, of in scaling_of(rows).groupby("engine", sort=False):
-        size = of.solved_degrees_of_freedom
-        power, factor = exponent(size, of.memory_mib)
+        size, tried = of.solved_degrees_of_freedom, sizes[sizes.engine == engine]
+        by = tried.displacements, tried.seconds_per_iteration, tried.memory_mib
+        fitted, seconds, memory = by if len(tried) else (size, of.seconds_per_iteration, of.memory_mib)
+        power, factor = exponent(fitted, memory)
         table.append(
             {
                 "engine": engine,
                 "runs": len(of),
                 "displacements": f"{size.min():.0f} to {size.max():.0f}",
                 "exponent of CPU time": number(exponent(size, of.cpu_seconds)[0], 2),
-                "of an iteration": number(exponent(size, of.seconds_per_iteration)[0], 2),
+                "of an iteration": number(exponent(fitted, seconds)[0], 2),
                 "of memory": number(power, 2),
+                "largest model": number(fitted.max(), 0),
+                "s an iteration": number(seconds[fitted.idxmax()], 1),
+                "MiB": number(memory[fitted.idxmax()], 0),
                 "extrapolated: displacements in 24 GiB": number((MEMORY / factor) ** (1 / power) if power > 0 else np.nan, 0),
             }
         )

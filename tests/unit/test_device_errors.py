@@ -9,6 +9,7 @@ from importlib import import_module
 from types import SimpleNamespace
 
 import numpy as np
+import pandas as pd
 import pytest
 import xarray as xr
 
@@ -35,6 +36,7 @@ from limo.device_report import NOT_MEASURED, QUESTIONS, device_report, differenc
 from limo.device_runs import CLOUD, STEP, Run, Surface, kept_file, lacking, read_runs, sampled, section, write_runs
 from limo.errors import ResultError
 from limo.figures import DEVICE_FIGURES, style
+from limo.scaling import COLUMNS
 
 from ..workflow.test_results import rows, table
 from .patches import grid
@@ -187,7 +189,7 @@ def test_runs_are_known_by_the_presets_that_they_are(loaded, make_case):
 
 
 @pytest.fixture
-def gathered(loaded, make_run, make_case, monkeypatch):
+def gathered(loaded, make_run, make_case, monkeypatch, tmp_path):
     """Runs of one device whose errors and costs are known, gathered; N_p = 4 alone has been measured."""
     fast = loaded.config.numerics_presets["fast"]
     damped = fast.model_copy(update={"ramp": fast.ramp.model_copy(update={"damping": 1e7})})
@@ -218,7 +220,12 @@ def gathered(loaded, make_run, make_case, monkeypatch):
         replace(run("shells", "s8", 0.9, "calculix", 300.0, symmetry="full", element="S8"), surface=None),
     ]
     monkeypatch.setattr(device_errors, "runs_of", lambda loaded, device, *_: runs if device == "np4" else [])
-    return gather_errors(loaded, None, None, {})
+    scaling = tmp_path / "gathered/scaling"
+    scaling.mkdir(parents=True)
+    sizes = [("newton", "a build", "measured", 1000.0 * 4**k, 50 * 4**k, 5, 5.0 * 8**k, 100.0 * 4**k) for k in range(4)]
+    sizes.append(("newton", "", "failed: not enough memory", 256000.0, *[np.nan] * 4))
+    pd.DataFrame(sizes, columns=[*COLUMNS]).to_csv(scaling / "newton.csv", index=False)
+    return gather_errors(loaded, scaling.parent, None, {})
 
 
 def test_the_page_of_results_says_what_is_in_the_file(gathered, tmp_path):
@@ -334,6 +341,8 @@ def test_the_report_answers_from_the_rows(gathered, loaded):
     assert re.search(r"2 runs at `coarse` [^;]+ their mean is off the reference by 1\.0% and 1\.0%", scatter)
     assert "| scatter of coarse | coarse | newton |" in text
     assert "stress +1.5%, CPU time 0.13 times" in answers[QUESTIONS["engines"]]
+    scaling = text.split("### What it takes")[1].split("###")[0]
+    assert "| 1.50 | 1.00 | 64000 | 512.0 | 6400 | 245760 |" in scaling, "a time that grows eightfold with four times the size"
     assert re.search(r"\| lost \| coarse \| calculix \| \d+ \| diverged ", text)
     assert re.search(r"\| np4 \| standard \| medium \| quarter \| newton \| 400 \| 3600 \| 1\.5% ", text)
     other = {**loaded.config.presets, "mine": Preset(mesh=Mesh(level="coarse"))}
@@ -369,5 +378,5 @@ def test_figures_are_drawn_from_the_kept_dataset_alone(gathered, name, root, tmp
         assert {"preset preview", "preset standard", "preset reference", "newton"} <= shown
         assert not {"preview", "lost", "damped"} & shown, "not on the front"
     assert (root / f"workflow/report/{name}.rst").stat().st_size > 50
-    drawn = module.draw(gathered.isel(run=gathered.kind.values != "run", section=slice(0)))
+    drawn = module.draw(gathered.isel(run=gathered.kind.values != "run", section=slice(0), size=slice(0)))
     style.close(drawn)

@@ -120,6 +120,7 @@ def make_project(folder: Path) -> Project:
         config["studies"] = ["tiny"]
         config["mesh"]["level"] = "tiny"
         config["mesh_levels"]["tiny"] = {"degrees_of_freedom": 3000, "grading": 1.0}
+        config["scaling"] = {"start": 3000, "minutes": 1e-3}  # one size
 
     project.edit("config.yaml", coarser)
     return project

@@ -10,7 +10,7 @@ import pytest
 import xarray as xr
 
 from limo.accuracy import read_airbags
-from limo.device_errors import read_errors, rows_of
+from limo.device_errors import read_errors, rows_of, sizes_of
 
 from .conftest import ROOT, Project, make_project
 from .test_results import rows, table
@@ -252,7 +252,9 @@ def test_a_reference_is_solved_once_and_kept(project):
     assert len(reference & set(map(str, after.case_id.values))) == 2
     for name in ("ventricle_volume", "picture_height", "cloud", "solver_time"):
         np.testing.assert_array_equal(after[name][:2], before[name])
-    errors = rows_of(read_errors(project.folder / "docs/gallery/data/accuracy.nc"))
+    kept_errors = read_errors(project.folder / "docs/gallery/data/accuracy.nc")
+    assert list(sizes_of(kept_errors).engine) == ["calculix", "newton"]
+    errors = rows_of(kept_errors)
     assert list(errors.members[errors.kind == "scatter"]) == [3]
     assert list(errors.timed[errors.part == "accuracy"]) == [3], "a case of less than a minute"
     assert "solve_case" not in project.planned("accuracy")

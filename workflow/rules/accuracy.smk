@@ -115,6 +115,26 @@ rule time_case:
         "../../scripts/time_case.py"
 
 
+# alone on the machine, whose memory it fills
+rule measure_scaling:
+    output:
+        "results/scaling/{engine}.csv",
+    log:
+        "results/logs/measure_scaling/{engine}.log",
+    wildcard_constraints:
+        engine="|".join(ENGINES),
+    conda:
+        "../envs/limo.yaml"
+    threads: workflow.cores
+    params:
+        content=scaling_content,
+        code=code_digest(("scaling",)),
+    message:
+        "Iterate ever larger models with {wildcards.engine}"
+    script:
+        "../../scripts/measure_scaling.py"
+
+
 rule gather_accuracy:
     input:
         error_results(),

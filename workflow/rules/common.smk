@@ -92,15 +92,25 @@ def airbag_run(wildcards):
         raise WorkflowError(f"{wildcards.run}: no run of the airbag {wildcards.airbag} in {CONFIG_FILE}") from None
 
 
+def build_of(engine):
+    """The build of an engine that would solve, found when it is asked for."""
+    try:
+        if engine not in LOADED.builds:
+            find_builds(LOADED, CONFIG_FILE, [engine])
+    except LimoError as error:
+        raise WorkflowError(str(error)) from None
+    return LOADED.builds[engine]
+
+
 def airbag_content(wildcards):
     """What a run of an airbag depends on, the build of its engine included."""
     run = airbag_run(wildcards)
-    try:
-        if run.engine not in LOADED.builds:
-            find_builds(LOADED, CONFIG_FILE, [run.engine])
-    except LimoError as error:
-        raise WorkflowError(str(error)) from None
-    return {**run_content(LOADED.airbags[wildcards.airbag], run), "build": LOADED.builds[run.engine]}
+    return {**run_content(LOADED.airbags[wildcards.airbag], run), "build": build_of(run.engine)}
+
+
+def scaling_content(wildcards):
+    """What the measured sizes of an engine depend on, its build included."""
+    return {**LOADED.config.scaling.model_dump(mode="json"), "build": build_of(wildcards.engine)}
 
 
 def airbag_results(wildcards):
@@ -145,7 +155,8 @@ def error_results():
     kept = [str(kept_file(KEPT_FOLDER, name)) for name in KEPT_STUDIES]
     timed = dict.fromkeys(case_id for name in gathered if name.startswith(TIMED_PARTS) for case_id in PLAN.of_study(name))
     times = expand("results/times/{case}.json", case=timed)
-    return [*kept, *expand("results/studies/{study}/study.nc", study=gathered), *meshes, *cases, *times]
+    sizes = expand("results/scaling/{engine}.csv", engine=ENGINES) if LOADED.config.scaling else []
+    return [*kept, *expand("results/studies/{study}/study.nc", study=gathered), *meshes, *cases, *times, *sizes]
 
 
 def device_targets():

@@ -1,4 +1,4 @@
-"""What the solver takes on ever larger models: CPU time, that of an iteration, and memory, with the fitted exponents."""
+"""What the solvers take on ever larger models: CPU time, that of an iteration, and memory, with the fitted exponents."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import pandas as pd
 import xarray as xr
 from matplotlib.lines import Line2D
 
-from limo.device_errors import exponent, rows_of, scaling_of
+from limo.device_errors import exponent, rows_of, scaling_of, sizes_of
 from limo.figures import style
 from limo.figures.accuracy_cost import MARKERS
 
@@ -25,8 +25,9 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
     """Over the displacements that are solved for, (a) CPU time, (b) that of an iteration, (c) memory; an exponent an engine.
 
     Runs that differ in mesh level and symmetry alone, and their branches; of several devices the markers are filled differently.
+    Crosses are models of the full device that were iterated a few times: (b) and (c) are fitted to them where there are some.
     """
-    rows = scaling_of(rows_of(dataset))
+    rows, sizes = scaling_of(rows_of(dataset)), sizes_of(dataset)
     names = list(dict.fromkeys(rows.device))
     figure, axes = style.panels(3, width=9.0, height=3.6)
     for axis, (name, label) in zip(axes, PANELS, strict=True):
@@ -37,9 +38,14 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
                 axis.plot(
                     each.solved_degrees_of_freedom, each[name], ls="", marker=MARKERS[engine], color=color, ms=4.5, fillstyle=fill
                 )
-            power, factor = exponent(of.solved_degrees_of_freedom, of[name])
+            fitted, measured = of.solved_degrees_of_freedom, of[name]
+            if name in sizes and (sizes.engine == engine).any():
+                each = sizes[sizes.engine == engine]
+                fitted, measured = each.displacements, each[name]
+                axis.plot(fitted, measured, ls="", marker="x", color=color, ms=5)
+            power, factor = exponent(fitted, measured)
             if np.isfinite(power):
-                size = np.array([of.solved_degrees_of_freedom.min(), of.solved_degrees_of_freedom.max()])
+                size = np.array([fitted.min(), fitted.max()])
                 axis.plot(size, factor * size**power, color=color, lw=1.0, label=f"{engine}: exponent {power:.2f}")
         axis.set(xscale="log", yscale="log", xlabel="Displacements solved for", ylabel=label)
         if axis.get_legend_handles_labels()[0]:
@@ -48,5 +54,6 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
     handles += [
         Line2D([], [], ls="", marker="o", color="black", fillstyle=_FILLS[k % len(_FILLS)], label=n) for k, n in enumerate(names)
     ]
+    handles += [Line2D([], [], ls="", marker="x", color="black", label="a few iterations, full device")]
     style.legend(figure, handles, [], 6)
     return figure

@@ -1,0 +1,151 @@
+"""What an iteration takes on ever larger models, measured up to what the machine holds.
+
+The full device is meshed finer and finer, by a constant factor of displacements, and each model is iterated a few times from its
+flat state: time and memory of a direct solver depend on the pattern of its matrix and not on the state. A size of which the
+last ones let expect more memory or time than there is is not tried.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from limo.case import Case
+from limo.config import Loaded, Mesh, MeshLevel, Solver
+from limo.deck import write_deck
+from limo.engines import calculix
+from limo.errors import LimoError
+from limo.mesh import degrees_of_freedom_of, mesh_device
+from limo.model import Model, build_model
+
+#: columns of the table: units (none of a text), meaning
+COLUMNS = {
+    "engine": ("", "what iterated a model of this size: calculix or newton"),
+    "build": ("", "build of the solver of a size"),
+    "status": ("", "measured, or why a size was not"),
+    "displacements": ("1", "displacements of a size's written-out bricks, full device"),
+    "elements": ("1", "bricks of a size"),
+    "iterations": ("1", "Newton iterations that a size was given"),
+    "cpu_seconds": ("s", "CPU time of the solver for them, setting up left out where the engine tells it"),
+    "memory_mib": ("MiB", "peak resident memory of the solver at a size"),
+}
+MEASURED = "measured"
+#: increments of CalculiX and iterations of newton at one size
+INCREMENTS, ITERATIONS = 2, 5
+#: exponents of time and memory by which the second size is foreseen; the others by the two before them
+TIME, MEMORY = 1.6, 1.2
+_INC = "INC=1000000"
+
+
+def machine_memory() -> float:
+    """MiB of memory that this machine has."""
+    return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**20
+
+
+def scaling_case(loaded: Loaded, engine: str, displacements: int) -> Case:
+    """The configuration's device for this, with a mesh of about that many displacements."""
+    wanted = loaded.config.scaling
+    name = loaded.default().numerics
+    numerics = loaded.config.numerics_presets[name].for_engine(engine)
+    return Case(
+        device=loaded.devices[wanted.device],
+        device_name=wanted.device,
+        n_pouches=wanted.n_pouches,
+        ventricular_pressure=wanted.ventricular_pressure,
+        actuation_pressure_max=wanted.ventricular_pressure + 40.0,
+        aspect_ratio=2.0,
+        stiffness_ratio=1.0,
+        mesh=Mesh(symmetry="full"),
+        mesh_level=MeshLevel(degrees_of_freedom=displacements),
+        numerics=numerics.model_copy(update={"newton": numerics.newton.model_copy(update={"iterations": ITERATIONS})}),
+        numerics_name=name,
+        engine=engine,
+    )
+
+
+def measure_scaling(loaded: Loaded, engine: str, solver: Solver, command: Path | None) -> pd.DataFrame:
+    """A row of ``COLUMNS`` for each size of the configuration's ``scaling``, smallest first.
+
+    Every size has a process of its own, whose end, whatever it is, is a row.
+    """
+    wanted, rows = loaded.config.scaling, []
+    limits = {"cpu_seconds": 60.0 * wanted.minutes, "memory_mib": wanted.memory * machine_memory()}
+    size = wanted.start
+    while size <= MeshLevel.model_fields["degrees_of_freedom"].metadata[1].le:
+        if rows and any(_foreseen(rows, what, size) > most for what, most in limits.items()):
+            break
+        case = scaling_case(loaded, engine, size)
+        try:
+            with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
+                row = pool.submit(_measure, case, solver, command).result()
+        except (BrokenProcessPool, LimoError, MemoryError) as error:
+            row = {"status": f"failed: {error}".splitlines()[0], "displacements": size}
+        rows.append({"engine": engine} | row)
+        if row["status"] != MEASURED:
+            break
+        size = round(size * wanted.factor)
+    return pd.DataFrame(rows, columns=[*COLUMNS])
+
+
+def read_scaling(folder: Path) -> dict[str, tuple[str, np.ndarray]]:
+    """What is in the tables of a folder, one an engine, as variables ``size_<column>`` along ``size``; none without tables."""
+    tables = [pd.read_csv(file) for file in sorted(folder.glob("*.csv"))]
+    rows = pd.concat([pd.DataFrame(columns=[*COLUMNS]), *tables]) if tables else pd.DataFrame(columns=[*COLUMNS])
+    return {
+        f"size_{name}": ("size", rows[name].to_numpy(float) if units else rows[name].fillna("").to_numpy(str))
+        for name, (units, _) in COLUMNS.items()
+    }
+
+
+def _foreseen(rows: list[dict[str, Any]], what: str, size: float) -> float:
+    """A value of the next size by the power law through the last two."""
+    last, power = rows[-1], {"cpu_seconds": TIME, "memory_mib": MEMORY}[what]
+    if len(rows) > 1:
+        grown = np.log(last["displacements"] / rows[-2]["displacements"])
+        power = max(power, float(np.log(last[what] / rows[-2][what]) / grown))
+    return last[what] * (size / last["displacements"]) ** power
+
+
+def _measure(case: Case, solver: Solver, command: Path | None) -> dict[str, Any]:
+    """Mesh a case and let its engine iterate a few times: a row without its engine."""
+    model = build_model(case, mesh_device(case.mesh_content()))
+    row = {"displacements": degrees_of_freedom_of(model.mesh), "elements": len(model.mesh.quads)}
+    return row | (_newton(model, solver) if case.engine == "newton" else _calculix(model, solver, command))
+
+
+def _newton(model: Model, solver: Solver) -> dict[str, Any]:
+    from limo.engines import newton  # brings MKL, which the other engine does not need
+
+    path = newton.solve(model, solver)
+    iterations = sum(path.iterations.values())
+    return {
+        "build": path.build["version"],
+        "status": MEASURED if iterations else f"{path.status}: {path.reason}",
+        "iterations": iterations,
+        "cpu_seconds": path.cpu_seconds - path.details["setup_seconds"],
+        "memory_mib": path.memory,
+    }
+
+
+def _calculix(model: Model, solver: Solver, command: Path) -> dict[str, Any]:
+    with tempfile.TemporaryDirectory() as temporary:
+        deck = Path(temporary) / f"{calculix.JOB}.inp"
+        end = write_deck(model, deck)[-1].end
+        text = deck.read_text(encoding="ascii")
+        deck.write_text(text.replace(_INC, f"INC={INCREMENTS}"), encoding="ascii")
+        run = calculix.run(deck.parent, command, solver, end)
+    return {
+        "build": calculix.build_id(command),
+        "status": MEASURED if run.iterations else f"{run.status}: {run.reason}",
+        "iterations": run.iterations,
+        "cpu_seconds": run.cpu_seconds,
+        "memory_mib": run.memory,
+    }

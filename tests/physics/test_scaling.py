@@ -1,0 +1,64 @@
+"""Ever larger models, iterated for real by both engines."""
+
+from __future__ import annotations
+
+import pytest
+
+from limo import scaling
+from limo.config import Scaling, Solver
+from limo.engines.calculix import find_ccx
+from limo.scaling import COLUMNS, INCREMENTS, ITERATIONS, MEASURED, measure_scaling, read_scaling
+
+
+@pytest.fixture
+def small(loaded):
+    """A configuration whose third size is expected to take too long."""
+
+    def make(engine, **changes):
+        wanted = Scaling(start=3000, factor=10, **changes)
+        loaded.config = loaded.config.model_copy(update={"scaling": wanted})
+        command = find_ccx(Solver()) if engine == "calculix" else None
+        return measure_scaling(loaded, engine, Solver(), command)
+
+    return make
+
+
+@pytest.mark.parametrize("engine", ["newton", "calculix"])
+def test_larger_models_take_more_until_one_would_take_too_much(small, engine, tmp_path):
+    rows = small(engine, minutes=1.0)
+    assert list(rows.columns) == [*COLUMNS]
+    assert list(rows.status) == [MEASURED] * 2
+    first, second = rows.itertuples()
+    assert second.displacements > 2 * first.displacements
+    assert second.memory_mib > first.memory_mib
+    assert second.cpu_seconds / second.iterations > first.cpu_seconds / first.iterations
+    assert rows.iterations.ge(ITERATIONS if engine == "newton" else INCREMENTS).all()
+    (tmp_path / "table.csv").write_text(rows.to_csv(index=False))
+    assert list(read_scaling(tmp_path)["size_status"][1]) == [MEASURED] * 2
+
+
+def test_no_size_is_tried_that_does_not_fit(small):
+    rows = small("newton", memory=1e-3)
+    assert len(rows) == 1, "the first is tried whatever it takes"
+
+
+def test_what_kills_a_size_is_its_row(small, monkeypatch):
+    monkeypatch.setattr(scaling, "ProcessPoolExecutor", Dying)
+    rows = small("newton")
+    assert list(rows.status) == ["failed: a process was killed"]
+
+
+class Dying:
+    """A pool whose process dies."""
+
+    def __init__(self, *_, **__):
+        pass
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        return False
+
+    def submit(self, *_):
+        raise scaling.BrokenProcessPool("a process was killed")
