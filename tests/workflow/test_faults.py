@@ -384,7 +384,9 @@ def test_two_sweeps_at_once(tiny, record):
     project = tiny("newton")
     with ended(start(project)) as first:
         wait_for(lambda: iterating(project), said(project))
+        os.killpg(first.pid, signal.SIGSTOP)  # or a slow second finds that the first has finished
         second = project.snakemake(cores=1)
+        os.killpg(first.pid, signal.SIGCONT)
         assert second.returncode != 0
         assert "lock" in (second.stdout + second.stderr).lower()
         assert first.wait(PATIENCE) == 0, said(project)
