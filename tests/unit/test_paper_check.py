@@ -180,6 +180,19 @@ def test_a_case_that_failed_does_not_count_as_one_that_holds(data):
     assert rows.loc["fewer pouches, more stroke", "verdict"] == "partly"
 
 
+def test_branches_with_the_verdict_of_the_first_are_counted(data):
+    assert "branches" not in table(data)
+    afterload = data["afterload"]
+    other = afterload.copy(deep=True)
+    other["efficiency_90ml"].loc[{"n_pouches": 4}] *= 0.5
+    together = xr.concat([afterload, other, afterload], pd.Index([0, 1, 2], name="branch"))
+    rows = table(data | {"afterload": together})
+    assert dict(rows.verdict) == dict.fromkeys(rows.index, "reproduced")
+    assert rows.loc["efficiency falls with N_p", "branches"] == "2 of 3"
+    assert rows.loc["less in, more out: the ratio exceeds one for all devices", "branches"] == "3 of 3"
+    assert rows.loc["peak stress depends weakly on P_v", "branches"] == "1 of 1"
+
+
 def test_what_was_not_run_has_no_verdict(data):
     del data["symmetry"]
     data["stress"] = data["stress"].drop_vars("von_mises_peak")
