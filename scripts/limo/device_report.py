@@ -79,7 +79,11 @@ def _presets(rows: pd.DataFrame | None, presets: dict[str, Preset], device: str 
     for name, preset in presets.items():
         own = None if rows is None else _first(settings_of(rows), preset=name)
         line = {"device": device, "preset": name, "level": preset.mesh.level, "symmetry": preset.mesh.symmetry}
-        line |= {"engine": preset.engine, "CPU [s]": NOT_MEASURED if own is None else f"{own.cpu_seconds:.0f}"}
+        line |= {
+            "engine": preset.engine,
+            "solutions": preset.branches,
+            "CPU of one [s]": NOT_MEASURED if own is None else f"{own.cpu_seconds:.0f}",
+        }
         line |= {"memory [MiB]": NOT_MEASURED if own is None else f"{own.memory_mib:.0f}"}
         for label in ("volumes", "stroke", "stress"):
             line[f"error of {label}"] = NOT_MEASURED if own is None else _error(own, _COLUMNS[label], rows)

@@ -38,8 +38,8 @@ COLUMNS = {
     "memory_mib": ("MiB", "peak resident memory of the solver at a size"),
 }
 MEASURED = "measured"
-#: increments of CalculiX and iterations of newton at one size
-INCREMENTS, ITERATIONS = 2, 5
+#: increments of CalculiX, of some iterations each, and iterations of newton at one size
+INCREMENTS, ITERATIONS = 1, 5
 #: exponents of time and memory by which the second size is foreseen; the others by the two before them
 TIME, MEMORY = 1.6, 1.2
 _INC = "INC=1000000"
