@@ -211,12 +211,16 @@ class Device(Section):
 # numerics
 
 
+#: displacements of the largest mesh
+LARGEST_MESH = 5_000_000
+
+
 class MeshLevel(Section):
     """How fine a mesh is."""
 
     degrees_of_freedom: int = Field(
         ge=1000,
-        le=5_000_000,
+        le=LARGEST_MESH,
         description="three displacements a node of the written-out bricks, for four quarters",
         examples=[70000],
     )
@@ -809,7 +813,7 @@ class Scaling(Section):
     device: str = Field("limo", pattern=NAME, description="name of a file in config/devices", examples=["limo"])
     n_pouches: Pouches = Field(8, description="N_p, even", examples=[8])
     ventricular_pressure: float = Field(3.8, ge=0, le=100, description="P_v in kPa", examples=[3.8])
-    start: int = Field(20000, ge=1000, le=5_000_000, description="displacements of the first mesh", examples=[20000])
+    start: int = Field(20000, ge=1000, le=LARGEST_MESH, description="displacements of the first mesh", examples=[20000])
     factor: float = Field(2.0, ge=1.2, le=10, description="displacements of a mesh over those of the one before", examples=[2])
     memory: float = Field(
         0.85, gt=0, le=1, description="share of the machine's memory beyond which no size is tried", examples=[0.85]

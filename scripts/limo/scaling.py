@@ -19,7 +19,7 @@ import numpy as np
 import pandas as pd
 
 from limo.case import Case
-from limo.config import Loaded, Mesh, MeshLevel, Solver
+from limo.config import LARGEST_MESH, Loaded, Mesh, MeshLevel, Solver
 from limo.deck import write_deck
 from limo.engines import calculix
 from limo.errors import LimoError
@@ -79,7 +79,7 @@ def measure_scaling(loaded: Loaded, engine: str, solver: Solver, command: Path |
     wanted, rows = loaded.config.scaling, []
     limits = {"cpu_seconds": 60.0 * wanted.minutes, "memory_mib": wanted.memory * machine_memory()}
     size = wanted.start
-    while size <= MeshLevel.model_fields["degrees_of_freedom"].metadata[1].le:
+    while size <= LARGEST_MESH:
         if rows and any(_foreseen(rows, what, size) > most for what, most in limits.items()):
             break
         case = scaling_case(loaded, engine, size)
