@@ -14,6 +14,8 @@ import numpy as np
 from limo.config import STAGES, Controls, Numerics, Stage
 from limo.model import KPA, Model, Pressure
 
+#: more than any run takes
+MOST_INCREMENTS = 1_000_000
 BRICK_SIDE = {"bottom": "P1", "top": "P2"}
 
 
@@ -144,10 +146,17 @@ def _controls(controls: Controls) -> list[str]:
     ]
 
 
-def step(model: Model, hht_alpha: float, limits: tuple[float, ...], controls: Controls, loads: list[str]) -> list[str]:
+def step(
+    model: Model,
+    hht_alpha: float,
+    limits: tuple[float, ...],
+    controls: Controls,
+    loads: list[str],
+    increments: int = MOST_INCREMENTS,
+) -> list[str]:
     """An implicit dynamic step: ``limits`` in s are first increment, length, smallest and largest increment."""
     return [
-        "*STEP, NLGEOM, INC=1000000",
+        f"*STEP, NLGEOM, INC={increments}",
         f"*DYNAMIC, ALPHA={hht_alpha:.10f}",
         ", ".join(map(number, limits)),
         *_controls(controls),
@@ -164,7 +173,7 @@ def pressure_label(model: Model, load: Pressure) -> str:
     return "P" if model.is_shell else BRICK_SIDE[load.side]
 
 
-def _stages(model: Model, numerics: Numerics, times: tuple[StageTime, ...]) -> list[str]:
+def _stages(model: Model, numerics: Numerics, times: tuple[StageTime, ...], increments: int) -> list[str]:
     """All stages in one step, because a new *DYNAMIC step would throw the device away.
 
     CalculiX starts each step with an acceleration from forces that are integrated fully even for C3D20R, whose
@@ -180,11 +189,11 @@ def _stages(model: Model, numerics: Numerics, times: tuple[StageTime, ...]) -> l
     for load in model.pressures:
         surface = load.surface.upper()
         loads += [f"*DLOAD, AMPLITUDE=P_{surface}", f"{surface}, {pressure_label(model, load)}, 1"]
-    return step(model, numerics.hht_alpha, limits, numerics.controls, loads)
+    return step(model, numerics.hht_alpha, limits, numerics.controls, loads, increments)
 
 
-def write_deck(model: Model, path: Path) -> tuple[StageTime, ...]:
-    """Write the CalculiX input of a model; returns the stages on the solver's clock."""
+def write_deck(model: Model, path: Path, increments: int = MOST_INCREMENTS) -> tuple[StageTime, ...]:
+    """Write the CalculiX input of a model, to be ended after so many increments; returns the stages on the solver's clock."""
     numerics = model.case.numerics
     times = stage_times(numerics, model.case.actuation_pressure_max)
     lines = [f"** {model.case.case_id}", "** mm, N, MPa, tonne, s"]
@@ -195,6 +204,6 @@ def write_deck(model: Model, path: Path) -> tuple[StageTime, ...]:
         + constraints(model)
         + _amplitudes(model, times)
     )
-    lines += _stages(model, numerics, times)
+    lines += _stages(model, numerics, times, increments)
     path.write_text("\n".join(lines) + "\n", encoding="ascii")
     return times

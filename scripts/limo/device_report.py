@@ -42,8 +42,7 @@ hours: their runs are solved once and kept with their curves and surfaces in `do
 file they are solved anew."""
 _SCALING = (
     "CPU time by whole runs that differ in mesh level and symmetry alone; time of an iteration and memory by models of the full "
-    "device that were iterated a few times from flat, each twice the size of the one before, as far as memory and patience go "
-    "(`scaling` in `config/config.yaml`)."
+    "device that were iterated a few times from flat, as far as memory and patience go (`scaling` in `config/config.yaml`)."
 )
 _TO_MEASURE = "`make accuracy` measures it."
 

@@ -42,7 +42,6 @@ MEASURED = "measured"
 INCREMENTS, ITERATIONS = 1, 5
 #: exponents of time and memory by which the second size is foreseen; the others by the two before them
 TIME, MEMORY = 1.6, 1.2
-_INC = "INC=1000000"
 
 
 def machine_memory() -> float:
@@ -137,11 +136,9 @@ def _newton(model: Model, solver: Solver) -> dict[str, Any]:
 
 def _calculix(model: Model, solver: Solver, command: Path) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as temporary:
-        deck = Path(temporary) / f"{calculix.JOB}.inp"
-        end = write_deck(model, deck)[-1].end
-        text = deck.read_text(encoding="ascii")
-        deck.write_text(text.replace(_INC, f"INC={INCREMENTS}"), encoding="ascii")
-        run = calculix.run(deck.parent, command, solver, end)
+        folder = Path(temporary)
+        times = write_deck(model, folder / f"{calculix.JOB}.inp", INCREMENTS)
+        run = calculix.run(folder, command, solver, times[-1].end)
     return {
         "build": calculix.build_id(command),
         "status": MEASURED if run.iterations else f"{run.status}: {run.reason}",
