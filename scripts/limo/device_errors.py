@@ -401,3 +401,12 @@ def scaling_of(rows: pd.DataFrame) -> pd.DataFrame:
     plain = rows.varied.isin(["", "level", "symmetry", "level, symmetry"])
     found = rows[(rows.kind == "run") & (rows.status == "converged") & plain]
     return found.assign(seconds_per_iteration=found.cpu_seconds / found.iterations)
+
+
+def models_of(runs: pd.DataFrame, sizes: pd.DataFrame) -> pd.DataFrame:
+    """What the exponents of an iteration and of memory of one engine are fitted to, with ``displacements``.
+
+    Models of the full device where such were measured (``sizes_of``), else its runs (of ``scaling_of``).
+    """
+    measured = sizes[sizes.engine.isin(runs.engine)]
+    return measured if len(measured) else runs.rename(columns={"solved_degrees_of_freedom": "displacements"})

@@ -10,7 +10,7 @@ import pandas as pd
 import xarray as xr
 
 from limo.config import Preset
-from limo.device_errors import CURVES, exponent, rows_of, scaling_of, scatter_row, settings_of, sizes_of
+from limo.device_errors import CURVES, exponent, models_of, rows_of, scaling_of, scatter_row, settings_of, sizes_of
 from limo.markdown import markdown_table, number, signed_percent
 
 NOT_MEASURED = "not measured"
@@ -115,27 +115,23 @@ def _settings(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def _scaling(rows: pd.DataFrame, sizes: pd.DataFrame) -> pd.DataFrame:
-    """Exponents over the displacements that are solved for, the largest model that was tried, and what fits into the machine.
-
-    Those of an iteration and of memory are fitted to models of the full device where such were measured, else to the runs.
-    """
+    """Exponents over the displacements that are solved for, the largest model that was tried, and what fits into the machine."""
     table = []
     for engine, of in scaling_of(rows).groupby("engine", sort=False):
-        size, tried = of.solved_degrees_of_freedom, sizes[sizes.engine == engine]
-        by = tried.displacements, tried.seconds_per_iteration, tried.memory_mib
-        fitted, seconds, memory = by if len(tried) else (size, of.seconds_per_iteration, of.memory_mib)
-        power, factor = exponent(fitted, memory)
+        size, models = of.solved_degrees_of_freedom, models_of(of, sizes)
+        power, factor = exponent(models.displacements, models.memory_mib)
+        largest = models.loc[models.displacements.idxmax()]
         table.append(
             {
                 "engine": engine,
                 "runs": len(of),
                 "displacements": f"{size.min():.0f} to {size.max():.0f}",
                 "exponent of CPU time": number(exponent(size, of.cpu_seconds)[0], 2),
-                "of an iteration": number(exponent(fitted, seconds)[0], 2),
+                "of an iteration": number(exponent(models.displacements, models.seconds_per_iteration)[0], 2),
                 "of memory": number(power, 2),
-                "largest model": number(fitted.max(), 0),
-                "s an iteration": number(seconds[fitted.idxmax()], 1),
-                "MiB": number(memory[fitted.idxmax()], 0),
+                "largest model": number(largest.displacements, 0),
+                "s an iteration": number(largest.seconds_per_iteration, 1),
+                "MiB": number(largest.memory_mib, 0),
                 "extrapolated: displacements in 24 GiB": number((MEMORY / factor) ** (1 / power) if power > 0 else np.nan, 0),
             }
         )

@@ -7,7 +7,7 @@ import pandas as pd
 import xarray as xr
 from matplotlib.lines import Line2D
 
-from limo.device_errors import exponent, rows_of, scaling_of, sizes_of
+from limo.device_errors import exponent, models_of, rows_of, scaling_of, sizes_of
 from limo.figures import style
 from limo.figures.accuracy_cost import MARKERS
 
@@ -31,6 +31,8 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
     names = list(dict.fromkeys(rows.device))
     figure, axes = style.panels(3, width=9.0, height=3.6)
     for axis, (name, label) in zip(axes, PANELS, strict=True):
+        for engine, each in sizes.groupby("engine") if name in sizes else ():
+            axis.plot(each.displacements, each[name], ls="", marker="x", color=_COLORS[engine], ms=5)
         for engine, of in rows.groupby("engine", sort=False):
             color = _COLORS[engine]
             for device, each in of.groupby("device", sort=False):
@@ -38,14 +40,10 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
                 axis.plot(
                     each.solved_degrees_of_freedom, each[name], ls="", marker=MARKERS[engine], color=color, ms=4.5, fillstyle=fill
                 )
-            fitted, measured = of.solved_degrees_of_freedom, of[name]
-            if name in sizes and (sizes.engine == engine).any():
-                each = sizes[sizes.engine == engine]
-                fitted, measured = each.displacements, each[name]
-                axis.plot(fitted, measured, ls="", marker="x", color=color, ms=5)
-            power, factor = exponent(fitted, measured)
+            models = models_of(of, sizes if name in sizes else sizes[:0])
+            power, factor = exponent(models.displacements, models[name])
             if np.isfinite(power):
-                size = np.array([fitted.min(), fitted.max()])
+                size = np.array([models.displacements.min(), models.displacements.max()])
                 axis.plot(size, factor * size**power, color=color, lw=1.0, label=f"{engine}: exponent {power:.2f}")
         axis.set(xscale="log", yscale="log", xlabel="Displacements solved for", ylabel=label)
         if axis.get_legend_handles_labels()[0]:
