@@ -1,5 +1,6 @@
 """Gather the errors and costs of the settings of all devices (rule gather_accuracy)."""
 
+import shutil
 from pathlib import Path
 
 from limo.config import load_config
@@ -8,5 +9,6 @@ from limo.door import logged
 
 with logged(snakemake.log[0]):  # noqa: F821
     loaded = load_config(snakemake.config["file"])  # noqa: F821
-    file = Path(snakemake.output[0])  # noqa: F821
-    write_errors(gather_errors(loaded, Path("results"), file.parent, snakemake.params.sources), file)  # noqa: F821
+    file, kept = map(Path, snakemake.output)  # noqa: F821
+    write_errors(gather_errors(loaded, Path("results"), kept.parent, snakemake.params.sources), file)  # noqa: F821
+    shutil.copyfile(file, kept)

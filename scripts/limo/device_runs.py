@@ -248,11 +248,11 @@ def lacking(loaded: Loaded, name: str, folder: Path) -> list[bool]:
     return [kept_name(case) not in there for case in study_cases(loaded, name).values()]
 
 
-def keep_runs(loaded: Loaded, name: str, results: Path, folder: Path, sources: Sequence[str]) -> None:
+def keep_runs(loaded: Loaded, name: str, results: Path, folder: Path, sources: Sequence[str]) -> list[str]:
     """Add the runs of a study that are solved to those that are kept of it; runs that it no longer has are dropped.
 
-    A run that is kept is not replaced: whoever wants it anew deletes the file. ``sources`` as in ``runs_of``. Raises
-    ``ResultError`` where nothing is solved.
+    A run that is kept is not replaced: whoever wants it anew deletes the file. ``sources`` as in ``runs_of``. Returns the names
+    of those that are kept now. Raises ``ResultError`` where nothing is solved.
     """
     file = kept_file(folder, name)
     runs = {kept_name(run.case): run for run in read_runs(loaded, name, file)}
@@ -261,9 +261,10 @@ def keep_runs(loaded: Loaded, name: str, results: Path, folder: Path, sources: S
         dataset = gather_study(loaded, name, results / "cases", sources).assign(machine=machine)
         runs = {kept_name(run.case): run for run in _runs_in(loaded, name, dataset, results, sources)} | runs
     if not runs:
-        raise ResultError(f"{results}: no case of {name} is solved; snakemake --cores 2 {file} does that")
-    order = map(kept_name, study_cases(loaded, name).values())
-    write_runs([runs[key] for key in order if key in runs], file)
+        raise ResultError(f"{results}: no case of {name} is solved; snakemake --cores 2 results/kept/{name}.txt does that")
+    names = [key for key in map(kept_name, study_cases(loaded, name).values()) if key in runs]
+    write_runs([runs[key] for key in names], file)
+    return names
 
 
 def write_runs(runs: Sequence[Run], file: Path) -> None:

@@ -227,7 +227,7 @@ def test_accuracy_solves_the_devices_that_have_a_reference(project):
 
 
 def test_a_reference_is_solved_once_and_kept(project):
-    """Without results of the reference its kept runs serve; a further member is solved alone, and joins them."""
+    """Without any results the kept runs of the reference serve; a further member is solved alone, and joins them."""
     without_airbags(project)
     axes, kept = {"n_pouches": [8], "ventricular_pressure": [3.8]}, project.folder / "docs/gallery/data/reference_small_runs.nc"
     same = {"axes": axes, "engine": "newton", "figures": [], "outputs": ["volumes", "stress", "fatigue"], "frames": [0, 10]}
@@ -246,6 +246,12 @@ def test_a_reference_is_solved_once_and_kept(project):
 
     project.study("reference_small", branches=3, **same)
     assert project.planned("accuracy")["solve_case"] == 1
+    for leftover in ("results", ".snakemake"):
+        (project.folder / leftover).rename(project.folder / f"{leftover}_of_before")
+    assert project.planned("accuracy")["solve_case"] == 2, "that one and the setting, though files of both lie in docs/"
+    for leftover in ("results", ".snakemake"):
+        shutil.rmtree(project.folder / leftover, ignore_errors=True)
+        (project.folder / f"{leftover}_of_before").rename(project.folder / leftover)
     done = project.snakemake("accuracy")
     assert done.returncode == 0, done.stdout + done.stderr
     after = xr.load_dataset(kept)

@@ -76,12 +76,14 @@ rule keep_airbags:
         "../../scripts/keep_airbags.py"
 
 
-# solved once: where all its runs are kept already, nothing is needed to keep them
+# solved once: where all its runs are kept already, nothing is needed to keep them. That they are is written into the results,
+# because a file that lacks some looks done where nothing was solved yet
 rule keep_runs:
     input:
         runs_to_keep,
     output:
         update("docs/gallery/data/{study}_runs.nc"),
+        "results/kept/{study}.txt",
     log:
         "results/logs/keep_runs/{study}.log",
     wildcard_constraints:
@@ -139,6 +141,7 @@ rule gather_accuracy:
     input:
         error_results(),
     output:
+        "results/accuracy/accuracy.nc",
         "docs/gallery/data/accuracy.nc",
     log:
         "results/logs/gather_accuracy.log",
@@ -156,7 +159,7 @@ rule gather_accuracy:
 
 rule draw_accuracy:
     input:
-        dataset="docs/gallery/data/accuracy.nc",
+        dataset="results/accuracy/accuracy.nc",
         shapes=[],
         measured=[],
         style=f"{workflow.basedir}/scripts/limo/figures/style.py",

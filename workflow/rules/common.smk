@@ -152,7 +152,7 @@ def error_results():
     served = list(dict.fromkeys(case_id for name in gathered for case_id in PLAN.of_study(name)))
     meshes = list(dict.fromkeys(f"results/meshes/{MESH_IDS[case_id]}.vtu" for case_id in served))
     cases = expand("results/cases/{case}/{file}", case=served, file=["case.json", "frames.nc"])
-    kept = [str(kept_file(KEPT_FOLDER, name)) for name in KEPT_STUDIES]
+    kept = [str(kept_file(KEPT_FOLDER, name)) for name in KEPT_STUDIES] + expand("results/kept/{study}.txt", study=KEPT_STUDIES)
     timed = dict.fromkeys(case_id for name in gathered if name.startswith(TIMED_PARTS) for case_id in PLAN.of_study(name))
     times = expand("results/times/{case}.json", case=timed)
     sizes = expand("results/scaling/{engine}.csv", engine=ENGINES) if LOADED.config.scaling else []
@@ -162,4 +162,4 @@ def error_results():
 def device_targets():
     """Figures of the errors of the device, and the dataset that they are drawn from; nothing without a reference."""
     figures = expand("docs/gallery/{figure}.png", figure=DEVICE_FIGURES)
-    return ["docs/gallery/data/accuracy.nc", *figures] if ERROR_STUDIES else []
+    return ["results/accuracy/accuracy.nc", *figures] if ERROR_STUDIES else []
