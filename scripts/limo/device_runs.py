@@ -240,12 +240,15 @@ def lacking(loaded: Loaded, name: str, folder: Path) -> list[bool]:
 
     Another mesh or other numerics are another case; another build of the engine is not.
     """
-    file = kept_file(folder, name)
-    there: set[str] = set()
-    if file.exists():
-        with _opened(file) as dataset:
-            there = set(map(str, dataset.kept_name.values))
+    there = set(_names_in(kept_file(folder, name)))
     return [kept_name(case) not in there for case in study_cases(loaded, name).values()]
+
+
+def _names_in(file: Path) -> list[str]:
+    if not file.exists():
+        return []
+    with _opened(file) as dataset:
+        return [*map(str, dataset.kept_name.values)]
 
 
 def keep_runs(loaded: Loaded, name: str, results: Path, folder: Path, sources: Sequence[str]) -> list[str]:
@@ -263,7 +266,8 @@ def keep_runs(loaded: Loaded, name: str, results: Path, folder: Path, sources: S
     if not runs:
         raise ResultError(f"{results}: no case of {name} is solved; snakemake --cores 2 results/kept/{name}.txt does that")
     names = [key for key in map(kept_name, study_cases(loaded, name).values()) if key in runs]
-    write_runs([runs[key] for key in names], file)
+    if names != _names_in(file):
+        write_runs([runs[key] for key in names], file)
     return names
 
 

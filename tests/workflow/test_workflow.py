@@ -264,6 +264,10 @@ def test_a_reference_is_solved_once_and_kept(project):
     assert list(errors.members[errors.kind == "scatter"]) == [3]
     assert list(errors.timed[errors.part == "accuracy"]) == [3], "a case of less than a minute"
     assert "solve_case" not in project.planned("accuracy")
+    written = kept.read_bytes()
+    (project.folder / "results/kept/reference_small.txt").unlink()
+    assert project.snakemake("results/kept/reference_small.txt").returncode == 0
+    assert kept.read_bytes() == written, "nothing to add"
     kept.unlink()
     assert project.planned("accuracy")["solve_case"] == 2, "the third is still among the results"
 
