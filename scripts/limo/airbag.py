@@ -24,7 +24,7 @@ from limo.elements import QUAD8, QUAD9_TRIANGLES
 from limo.model import Equation, Model, Pressure, expand
 
 #: elements with mid-side nodes, and triangles
-QUADRATIC, TRIANGULAR = ("S6", "S8", "S8R", "C3D20R"), ("S3", "S6")
+QUADRATIC, TRIANGULAR = ("S6", "S8", "S8R", "C3D20R", "C3D20"), ("S3", "S6")
 #: mass per area (g / m^2). It enters no equilibrium: damping and the shift of the engine newton are relative to it
 AREAL_DENSITY = 170.0
 _CODE = ("elements", "model", "kinematics", "constitutive", "airbag", "airbag_solution")

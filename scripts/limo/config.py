@@ -824,22 +824,22 @@ class Scaling(Section):
 # --------------------------------------------------------------------------------------------------------------------
 # the square airbag
 
-AirbagElement = Literal["S3", "S4", "S4R", "S6", "S8", "S8R", "C3D20R"]
+AirbagElement = Literal["S3", "S4", "S4R", "S6", "S8", "S8R", "C3D20R", "C3D20"]
 Planes = Literal["symmetric", "hinged"]
 
 
 class AirbagSeries(Section):
     """One element type, solved on several meshes."""
 
-    element: AirbagElement = Field(description="shells that CalculiX expands, or the written-out C3D20R", examples=["S8R"])
-    engine: Engine = Field("calculix", description="newton for C3D20R alone", examples=["newton"])
+    element: AirbagElement = Field(description="shells that CalculiX expands, or written-out C3D20R or C3D20", examples=["S8R"])
+    engine: Engine = Field("calculix", description="newton for C3D20R and C3D20 alone", examples=["newton"])
     divisions: list[Annotated[int, Field(ge=2, le=200)]] = Field(
         min_length=1, description="numbers of elements along half a side", examples=[[4, 8, 16]]
     )
     planes: Planes | None = Field(
         None,
         description="whether the sheet keeps its slope on the planes of symmetry or may turn there: symmetric by default for "
-        "C3D20R, always hinged for shells",
+        "bricks, always hinged for shells",
         examples=["hinged"],
     )
     path: list[Annotated[float, Field(gt=0, le=1000)]] = Field(
@@ -858,16 +858,21 @@ class AirbagSeries(Section):
 
     @model_validator(mode="after")
     def _shells_are_calculix_and_hinged(self) -> AirbagSeries:
-        if self.engine == "newton" and self.element != "C3D20R":
+        if self.engine == "newton" and not self.is_brick:
             raise ValueError(f"engine: calculix for element {self.element}")
-        if self.planes == "symmetric" and self.element != "C3D20R":
+        if self.planes == "symmetric" and not self.is_brick:
             raise ValueError(f"planes: hinged for element {self.element}")
         return self
 
     @property
     def chosen_planes(self) -> Planes:
         """``planes``, or their default."""
-        return self.planes or ("symmetric" if self.element == "C3D20R" else "hinged")
+        return self.planes or ("symmetric" if self.is_brick else "hinged")
+
+    @property
+    def is_brick(self) -> bool:
+        """Whether the layer is written out as bricks; CalculiX expands shells itself."""
+        return self.element.startswith("C3D")
 
 
 class AirbagReference(Section):

@@ -181,6 +181,7 @@ TEXT = {
 NUMBERS = {
     "branch": ("1", "0 for the flat state as it is, else the seed of a tiny perturbation of it"),
     "members": ("1", "runs that a row is made of"),
+    "grading": ("1", "size of elements on seams and edges over that away from them"),
     "degrees_of_freedom": ("1", "displacements of the written-out bricks, full device"),
     "solved_degrees_of_freedom": ("1", "displacements of the written-out bricks of the part that was solved"),
     "stroke": ("ml", "stroke at P_a,max"),
@@ -308,6 +309,7 @@ def _row(loaded: Loaded, device: str, run: Run, kind: str, errors: dict[str, flo
         "reason": str(values.case_reason.values),
         "branch": run.branch,
         "members": len(members),
+        "grading": run.case.mesh_level.grading,
         "degrees_of_freedom": run.equations[1],
         "solved_degrees_of_freedom": run.equations[0],
         "stroke": _stroke(run),
@@ -381,6 +383,12 @@ def exponent(size: np.ndarray, cost: np.ndarray) -> tuple[float, float]:
         return float("nan"), float("nan")
     power, offset = np.polyfit(np.log(size[use]), np.log(cost[use]), 1)
     return float(power), float(np.exp(offset))
+
+
+def richardson(size: np.ndarray, value: np.ndarray, order: float) -> float:
+    """a of value = a + c h^order through the two largest sizes, which come last; h = size^(-1/2) is the edge of an element."""
+    (coarse, fine), (before, last) = np.asarray(size, float)[-2:], np.asarray(value, float)[-2:]
+    return float(last + (last - before) / ((fine / coarse) ** (0.5 * order) - 1.0))
 
 
 def scatter_row(rows: pd.DataFrame, part: str) -> pd.Series | None:

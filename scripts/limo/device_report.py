@@ -10,7 +10,7 @@ import pandas as pd
 import xarray as xr
 
 from limo.config import Preset
-from limo.device_errors import CURVES, exponent, models_of, rows_of, scaling_of, scatter_row, settings_of, sizes_of
+from limo.device_errors import CURVES, exponent, models_of, richardson, rows_of, scaling_of, scatter_row, settings_of, sizes_of
 from limo.markdown import markdown_table, number, signed_percent
 
 NOT_MEASURED = "not measured"
@@ -132,7 +132,9 @@ def _scaling(rows: pd.DataFrame, sizes: pd.DataFrame) -> pd.DataFrame:
                 "largest model": number(largest.displacements, 0),
                 "s an iteration": number(largest.seconds_per_iteration, 1),
                 "MiB": number(largest.memory_mib, 0),
-                "extrapolated: displacements in 24 GiB": number((MEMORY / factor) ** (1 / power) if power > 0 else np.nan, 0),
+                "extrapolated: displacements in 24 GiB": number(
+                    (MEMORY / factor) ** (1 / power) if len(sizes) and power > 0 else np.nan, 0
+                ),
             }
         )
     return pd.DataFrame(table)
@@ -149,6 +151,7 @@ QUESTIONS = {
     "mesh": "Which mesh would you pay for?",
     "paper": "Where does the paper's 2 % stand?",
     "scatter": "Scatter of paths or discretisation error?",
+    "limit": "How far is the reference itself from the limit of ever finer meshes?",
     "engines": "CalculiX against newton at `medium`?",
 }
 
@@ -172,6 +175,7 @@ def _answers_of(dataset: xr.Dataset, rows: pd.DataFrame) -> dict[str, str]:
         "mesh": _mesh(rows),
         "paper": _paper(rows),
         "scatter": _scatter(rows),
+        "limit": _limit(rows),
         "engines": _engines(dataset, rows),
     }
 
@@ -302,6 +306,28 @@ def _scatter(rows: pd.DataFrame) -> str:
             )
         lines.append(line)
     return "; ".join(lines) or NOT_MEASURED
+
+
+def _limit(rows: pd.DataFrame) -> str:
+    """Stroke and stress over the meshes that differ from the reference's in size alone, and where they tend to."""
+    mean = _first(rows[rows.kind == "mean"], part="reference")
+    settings = settings_of(rows)
+    if mean is None:
+        return NOT_MEASURED
+    alike = settings[(settings.varied == "level") & (settings.engine == mean.engine) & (settings.grading == mean.grading)]
+    coarser = alike[alike.part == "accuracy"].sort_values("degrees_of_freedom")
+    if coarser.empty:
+        return NOT_MEASURED
+    levels = pd.concat([coarser, mean.to_frame().T])
+    found = []
+    for name, unit in (("stroke", "ml"), ("stress", "MPa")):
+        size, values = levels.degrees_of_freedom.to_numpy(float), levels[name].to_numpy(float)
+        over = ", ".join(f"{number(v)} (`{level}`)" for v, level in zip(values, levels.level, strict=True))
+        further = [signed_percent(richardson(size, values, order) / values[-1] - 1) for order in (2.0, 1.0)]
+        found.append(
+            f"{name} {over} {unit}, by Richardson's extrapolation {' to '.join(further)} from there (second to first order)"
+        )
+    return "; ".join(found)
 
 
 def _engines(dataset: xr.Dataset, rows: pd.DataFrame) -> str:

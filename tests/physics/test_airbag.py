@@ -51,6 +51,12 @@ def test_quadratic_elements_reach_the_published_height(solved, element, engine, 
         assert found.edge_draw_in.item() == pytest.approx(DRAW_IN, rel=0.02)
 
 
+def test_what_the_fully_integrated_shell_misses_is_its_own_and_not_the_solver_s(solved):
+    shell, brick = solved("S8", "calculix", 8).height.item(), solved("C3D20", "newton", 8).height.item()
+    assert shell == pytest.approx(brick, rel=5e-3)
+    assert brick < 0.97 * HEIGHT
+
+
 def test_a_state_at_rest_has_the_least_potential_energy_around_it(classical):
     run = Run("C3D20R", "newton", 6, (100.0, 10.0))
     model = build_model(classical, run)

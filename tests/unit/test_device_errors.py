@@ -27,6 +27,7 @@ from limo.device_errors import (
     pareto,
     preset_of,
     read_errors,
+    richardson,
     rows_of,
     scatter_of,
     settings_of,
@@ -160,6 +161,12 @@ def test_exponents_are_those_of_power_laws():
     assert np.isnan(exponent(size[2:], size[2:])).all(), "of one size"
 
 
+def test_the_limit_is_that_of_a_power_of_the_edge():
+    size = np.array([1e5, 4e5])
+    assert richardson(size, 150.0 - 20.0 * (size / 1e5) ** -0.5, 1.0) == pytest.approx(150.0)
+    assert richardson(size, 150.0 - 20.0 * (size / 1e5) ** -1.0, 2.0) == pytest.approx(150.0)
+
+
 def test_a_setting_is_described_by_what_is_not_the_default(loaded, make_case):
     fast = loaded.config.numerics_presets["fast"]
     plain = make_case(numerics=fast.for_engine("calculix"))
@@ -213,6 +220,7 @@ def gathered(loaded, make_run, make_case, monkeypatch, tmp_path):
         run("referee", "", 0.97, "calculix", 3000.0, level="medium"),
         run("accuracy", "newton", 0.9, "newton", 10.0),
         run("accuracy", "newton_medium", 0.985, "newton", 400.0, level="medium"),
+        run("accuracy", "newton_paper", 0.97, "newton", 300.0, level="paper"),
         run("accuracy", "newton_half", 0.9, "newton", 30.0, symmetry="front_back"),
         run("accuracy", "damped", 0.5, "calculix", 50.0, numerics=damped),
         run("accuracy", "lost", 0.9, "calculix", 1.0, status="diverged", level="coarse"),
@@ -294,7 +302,7 @@ def test_rows_survive_their_file(gathered, tmp_path):
 
 def test_rows_say_what_ran_and_how_wrong_it_is(gathered):
     rows = rows_of(gathered)
-    assert len(rows) == 16 + 6
+    assert len(rows) == 17 + 6
     by = rows[rows.kind == "run"].set_index(["part", "setting", "branch"])
     newton = by.loc["accuracy", "newton", 0]
     assert newton.error_stress == pytest.approx(0.1)
@@ -309,7 +317,12 @@ def test_rows_say_what_ran_and_how_wrong_it_is(gathered):
     chosen = list(settings_of(rows).setting)
     assert chosen.count("reference") == 1
     assert "lost" not in chosen
-    assert list(rows.setting.iloc[gathered.section_run.values.astype(int)]) == ["reference", "newton", "newton_medium"]
+    assert list(rows.setting.iloc[gathered.section_run.values.astype(int)]) == [
+        "reference",
+        "newton",
+        "newton_medium",
+        "newton_paper",
+    ]
 
 
 def test_differences_are_between_two_runs(gathered):
@@ -336,6 +349,10 @@ def test_the_report_answers_from_the_rows(gathered, loaded):
     paper = answers[QUESTIONS["paper"]]
     assert "with newton, largest w 1.5% of at most 2.0%: met" in paper
     assert "with calculix, largest w 3.0% of at most 2.0%: **not met**" in paper
+    assert (
+        "stroke 116.4 (`paper`), 118.2 (`medium`), 120.0 (`fine`) ml, by Richardson's extrapolation "
+        in answers[QUESTIONS["limit"]]
+    )
     scatter = answers[QUESTIONS["scatter"]]
     assert re.search(r"2 runs at `preview` [^;]+ their mean is off the reference by 10\.0% and 10\.0%", scatter)
     assert re.search(r"2 runs at `coarse` [^;]+ their mean is off the reference by 1\.0% and 1\.0%", scatter)

@@ -67,5 +67,8 @@ def test_numbers_of_the_readme_are_those_of_the_measured_tables():
     height, edge = cells("accuracy.md", "C3D20R (newton, symmetric, via 100, 10 p)", "24")[2:4]
     height, edge = (re.match(r"[+-]([\d.]+)%", cell)[1] for cell in (height, edge))
     assert f"height within {height} % of the published, draw-in of the wrinkled edge off by {edge} %" in readme
+    for preset in ("preview", "standard"):
+        seconds, _, volumes, stroke, stress = (cell.removesuffix(" ~") for cell in cells("accuracy.md", "np8", preset)[6:11])
+        assert f"`{preset}` {seconds} s of CPU, volumes {volumes}, stroke {stroke}, stress {stress}" in readme
     scatter = [float(re.search(r"\(([\d.]+) %\)", cell)[1]) for cell in cells("reliability.md", "newton", "12")[4:]]
     assert f"{scatter[0]:.0f} % at 10 kPa, about {max(scatter[2:]):.0f} % from 40 kPa on" in readme

@@ -22,7 +22,8 @@ PANELS = (
 _SHOWN_FROM = 0.75
 _PALE = "#F0E442"  # too pale for a line
 #: colours of the elements, and markers and lines of the series of one element
-COLORS = dict(zip(get_args(AirbagElement), (c for c in style.COLORS if c != _PALE), strict=True))
+COLORS = dict(zip(get_args(AirbagElement), (c for c in style.COLORS if c != _PALE), strict=False))
+COLORS["C3D20"] = COLORS["S8"]  # what CalculiX makes of S8
 _LOOKS = (("o", "-"), ("^", "--"), ("s", "--"), ("D", "-."), ("v", ":"), ("P", (0, (5, 1, 1, 1, 1, 1))))
 
 
@@ -35,12 +36,13 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
     table = dataset.drop_vars("displacement").to_dataframe()
     table["cpu_seconds"] /= table.cpu_seconds[table.status == "converged"].min()
     lowest = _SHOWN_FROM * table.height.max()
-    drawn = dict.fromkeys(COLORS, 0)
+    drawn = dict.fromkeys(COLORS.values(), 0)
     for series, of in table.groupby("series", sort=False):
         good, failed, element = of[of.status == "converged"], of[of.status != "converged"], of.element.iloc[0]
-        marker, line = _LOOKS[drawn[element] % len(_LOOKS)]
-        drawn[element] += 1
-        look = {"color": COLORS[element], "marker": marker, "ls": line, "ms": 3.5, "mfc": "none", "lw": 1.1}
+        color = COLORS[element]
+        marker, line = _LOOKS[drawn[color] % len(_LOOKS)]
+        drawn[color] += 1
+        look = {"color": color, "marker": marker, "ls": line, "ms": 3.5, "mfc": "none", "lw": 1.1}
         for axis, (name, _, _) in zip(axes, PANELS, strict=True):
             axis.plot(good.degrees_of_freedom, good[name], label=series, **look)
         low = good[good.height < lowest]
