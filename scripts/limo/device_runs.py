@@ -10,10 +10,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 import xarray as xr
+from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
+from vtkmodules.vtkCommonCore import VTK_ID_TYPE, vtkDoubleArray, vtkPoints
+from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
+from vtkmodules.vtkFiltersCore import vtkImplicitPolyDataDistance
 
 from limo.case import Case, solved_on, study_cases
 from limo.config import Loaded
@@ -30,50 +35,87 @@ PARTS = ("accuracy", "reference", "referee", "scatter", "shells")
 KEPT_PARTS = ("reference", "referee")
 #: parts of which short runs are timed several times
 TIMED_PARTS = ("accuracy", "shells")
-#: points of a cloud on the surface of the full device, and steps of the stored coordinates in mm
+#: points on the full device whose distance to another is taken, and steps of the stored coordinates in mm
 CLOUD, STEP = 6000, 0.01
 #: where the device is cut, y / L
 SECTION = 0.5
-#: linear quadrilaterals along a side of an element that is cut
-_DIVISIONS = 2
+#: linear quadrilaterals along a side of an element that is cut, and of one to which distances are taken
+_CUT, _MEASURED = 2, 4
 
 
 @dataclass(frozen=True)
 class Surface:
-    """What is kept of a run's shapes: w / L (f,) at pressures (f,) in kPa, and the cloud (n, 3) in mm of its last frame.
+    """What is kept of a run's shapes: w / L (f,) at pressures (f,) in kPa, and the deformed middle surface of its last frame.
 
-    ``sections``: for each frame the segments (k, 2, 2), x and z in mm of both ends, in which the plane y / L = ``SECTION`` cuts
-    the part that was solved.
+    ``points`` (n, 3) in mm and ``quads`` (m, 8) are those of the part that was solved, of which ``symmetry`` makes the full
+    device. ``sections``: for each frame the segments (k, 2, 2), x and z in mm of both ends, in which the plane y / L =
+    ``SECTION`` cuts that part.
     """
 
     pressure: np.ndarray
     height: np.ndarray
-    cloud: np.ndarray
+    points: np.ndarray
+    quads: np.ndarray
+    symmetry: str
     sections: tuple[np.ndarray, ...] = ()
+
+    @cached_property
+    def cloud(self) -> np.ndarray:
+        """Points (``CLOUD``, 3) in mm, equally dense all over the full device."""
+        signs = mirrors(self.symmetry)
+        part = sampled(self.points, self.quads, CLOUD // len(signs))
+        return np.vstack([part * sign for sign in signs])
+
+    @cached_property
+    def _measure(self) -> vtkImplicitPolyDataDistance:
+        values, _, cells = grid(_MEASURED)
+        points = np.einsum("gn,mnk->mgk", values, self.points[self.quads])
+        corners = np.arange(points.size // 3).reshape(points.shape[:2])[:, cells][:, :, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)
+        faces, place = vtkCellArray(), vtkPoints()
+        faces.SetData(3, numpy_to_vtk(corners.ravel(), deep=True, array_type=VTK_ID_TYPE))
+        place.SetData(numpy_to_vtk(points.reshape(-1, 3), deep=True))
+        surface = vtkPolyData()
+        surface.SetPoints(place)
+        surface.SetPolys(faces)
+        measure = vtkImplicitPolyDataDistance()
+        measure.SetInput(surface)
+        return measure
+
+    def distances(self, points: np.ndarray) -> np.ndarray:
+        """Distances (p,) in mm of points (p, 3) from the full device, whose elements are divided into flat triangles."""
+        images = points * np.array(mirrors(self.symmetry))[:, None]
+        low, high = self.points.min(axis=0), self.points.max(axis=0)
+        beyond = np.linalg.norm(np.maximum(0.0, np.maximum(low - images, images - high)), axis=-1)
+        found = np.full(len(points), np.inf)
+        for turn in np.argsort(beyond, axis=0, kind="stable"):  # the image nearest to the part first: searches from afar are slow
+            image = turn, np.arange(len(points))
+            near = beyond[image] < found
+            signed = vtkDoubleArray()
+            self._measure.FunctionValue(numpy_to_vtk(images[image][near]), signed)
+            found[near] = np.minimum(found[near], np.abs(vtk_to_numpy(signed)))
+        return found
 
 
 def surface_of(case: Case, mesh_file: Path, folder: Path) -> Surface:
-    """Heights at all frames and the cloud at the last of the full device. Raises ``LimoError`` where there are none."""
+    """Heights and sections at all frames, the surface at the last. Raises ``LimoError`` where there are none."""
     model, frames = open_case(case, mesh_file, folder)
     if not len(frames.pressure):
         raise ResultError(f"{frames.file}: no frames")
+    mesh, length = model.mesh, case.device.pattern.length
     middle = [model.expansion.midsurface(u.astype(float)) for u in frames.displacement]
-    length = case.device.pattern.length
     height = np.array([np.abs(u[:, 2]).max() for u in middle]) / length
-    last = int(np.argmax(frames.pressure))
-    part = sampled(model.mesh.nodes, model.mesh.quads, middle[last], CLOUD // model.mesh.copies)
-    cloud = np.vstack([part * sign for sign in mirrors(model.mesh.symmetry)])
-    sections = tuple(section(model.mesh.nodes, model.mesh.quads, u, SECTION * length) for u in middle)
-    return Surface(frames.pressure, height, np.round(cloud / STEP) * STEP, sections)
+    sections = tuple(section(mesh.nodes + u, mesh.quads, SECTION * length) for u in middle)
+    last = np.round((mesh.nodes + middle[int(np.argmax(frames.pressure))]) / STEP) * STEP
+    return Surface(frames.pressure, height, last, mesh.quads, mesh.symmetry, sections)
 
 
-def sampled(nodes: np.ndarray, quads: np.ndarray, displacement: np.ndarray, count: int) -> np.ndarray:
-    """Points (count, 3) spread over deformed quadrilaterals in proportion to their area, the same for the same surface.
+def sampled(points: np.ndarray, quads: np.ndarray, count: int) -> np.ndarray:
+    """Points (count, 3) spread over quadrilaterals in proportion to their area, the same for the same surface.
 
-    ``nodes`` and ``displacement`` (n, 3) in mm, ``quads`` (m, 8). Along the order of the elements the points lie at equal steps
+    ``points`` (n, 3) in mm, ``quads`` (m, 8). Along the order of the elements the points lie at equal steps
     of area; within an element at points of a low-discrepancy sequence.
     """
-    place = (nodes + displacement)[quads]
+    place = points[quads]
     local, weights = gauss(2, 2)
     _, slopes = quad8_shape(local)
     tangents = np.einsum("gnd,mnk->mgdk", slopes, place)
@@ -86,20 +128,20 @@ def sampled(nodes: np.ndarray, quads: np.ndarray, displacement: np.ndarray, coun
     return np.einsum("pn,pnk->pk", values, place[element])
 
 
-def section(nodes: np.ndarray, quads: np.ndarray, displacement: np.ndarray, y: float) -> np.ndarray:
-    """Segments (k, 2, 2), x and z in mm of both ends, in which the plane at ``y`` (mm) cuts deformed quadrilaterals.
+def section(points: np.ndarray, quads: np.ndarray, y: float) -> np.ndarray:
+    """Segments (k, 2, 2), x and z in mm of both ends, in which the plane at ``y`` (mm) cuts quadrilaterals.
 
-    ``nodes`` and ``displacement`` (n, 3) in mm, ``quads`` (m, 8). Elements are divided and cut as flat triangles.
+    ``points`` (n, 3) in mm, ``quads`` (m, 8). Elements are divided and cut as flat triangles.
     """
-    values, _, cells = grid(_DIVISIONS)
-    points = np.einsum("gn,mnk->mgk", values, (nodes + displacement)[quads])
-    triangles = points[:, cells][:, :, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3, 3)
+    values, _, cells = grid(_CUT)
+    place = np.einsum("gn,mnk->mgk", values, points[quads])
+    triangles = place[:, cells][:, :, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3, 3)
     above = triangles[:, :, 1] > y
     crossed = above.any(axis=1) & ~above.all(axis=1)
     triangles, above = triangles[crossed], above[crossed]
     single = np.argmax(above == (above.sum(axis=1) == 1)[:, None], axis=1)  # the corner that has its side to itself
-    place = np.arange(len(triangles))[:, None]
-    tip, others = triangles[place, single[:, None]], triangles[place, (single[:, None] + [1, 2]) % 3]
+    rows = np.arange(len(triangles))[:, None]
+    tip, others = triangles[rows, single[:, None]], triangles[rows, (single[:, None] + [1, 2]) % 3]
     share = (y - tip[..., 1]) / (others[..., 1] - tip[..., 1])
     return (tip + share[..., None] * (others - tip))[..., [0, 2]]
 
@@ -220,7 +262,9 @@ _SHAPES = {
     "degrees_of_freedom": ("1", "displacements of the written-out bricks, full device"),
     "picture_pressure": ("kPa", "actuation pressure of a picture, P_a"),
     "picture_height": ("1", "largest w / L in a picture"),
-    "cloud": ("mm", "points on the surface of the full device at P_a,max"),
+    "points": ("mm", "nodes of the middle surface of the part that was solved, at P_a,max"),
+    "quads": ("1", "points of an element, corners first; -1 behind the last element"),
+    "mesh": ("1", "which of the meshes a run has"),
     "sections": ("mm", f"x and z of cuts through the part that was solved at y/L = {SECTION:g}"),
 }
 
@@ -281,8 +325,12 @@ def write_runs(runs: Sequence[Run], file: Path) -> None:
         "degrees_of_freedom": ("run", [run.equations[1] for run in runs]),
         "picture_pressure": (("run", "picture"), padded([np.empty(0) if s is None else s.pressure for s in surfaces])),
         "picture_height": (("run", "picture"), padded([np.empty(0) if s is None else s.height for s in surfaces])),
-        "cloud": (("run", "point", "axis"), np.array([np.full((CLOUD, 3), np.nan) if s is None else s.cloud for s in surfaces])),
+        "points": (("run", "point", "axis"), _filled([np.empty((0, 3)) if s is None else s.points for s in surfaces], np.nan)),
     }
+    quads, mesh = np.unique(
+        _filled([np.empty((0, 8), int) if s is None else s.quads for s in surfaces], -1), axis=0, return_inverse=True
+    )
+    shapes |= {"quads": (("mesh_number", "quad", "corner"), quads), "mesh": ("run", mesh)}
     pictures = shapes["picture_pressure"][1].shape[1]
     cuts = stacked([() if s is None else s.sections for s in surfaces], pictures)
     shapes["sections"] = (("run", "picture", "segment", "end", "plane"), cuts)
@@ -317,7 +365,15 @@ def read_runs(loaded: Loaded, name: str, file: Path) -> list[Run]:
 def _kept_run(named: tuple[str, str, str], branch: int, case: Case, row: xr.Dataset) -> Run:
     known = np.isfinite(row.picture_pressure.values)
     cuts = [cut[np.isfinite(cut).all(axis=(1, 2))] for cut in row.sections.values[known]]
-    surface = Surface(row.picture_pressure.values[known], row.picture_height.values[known], row.cloud.values, tuple(cuts))
+    points, quads = row.points.values, row.quads.values[int(row.mesh)]
+    surface = Surface(
+        row.picture_pressure.values[known],
+        row.picture_height.values[known],
+        points[np.isfinite(points).all(axis=1)].astype(float),
+        quads[quads[:, 0] >= 0],
+        case.mesh.symmetry,
+        tuple(cuts),
+    )
     equations = float(row.solved_degrees_of_freedom), float(row.degrees_of_freedom)
     return Run(
         *named,
@@ -341,8 +397,10 @@ def packed(dataset: xr.Dataset) -> dict[str, dict]:
     """How variables are stored: compressed, in single precision, coordinates of shapes in steps of ``STEP``."""
     stored = {}
     for name, variable in dataset.variables.items():
-        if name in ("cloud", "sections"):
+        if name in ("points", "sections"):
             stored[name] = {"dtype": "int16", "scale_factor": STEP, "_FillValue": -32768, "zlib": True, "complevel": 9}
+        elif name == "quads":
+            stored[name] = {"dtype": "int32", "zlib": True, "complevel": 9}
         elif variable.dtype.kind == "f":
             squeezed = {"zlib": True, "complevel": 9} if variable.size > 1000 else {}
             stored[name] = {"dtype": "float32", "_FillValue": np.float32(np.nan)} | squeezed
@@ -355,6 +413,12 @@ def padded(arrays: Sequence[np.ndarray]) -> np.ndarray:
     for row, array in zip(table, arrays, strict=True):
         row[: len(array)] = array
     return table
+
+
+def _filled(arrays: Sequence[np.ndarray], fill: float) -> np.ndarray:
+    """Arrays (n, k) of different lengths as one (a, n, k), ``fill`` behind their ends."""
+    longest = max(map(len, arrays))
+    return np.array([np.pad(a, ((0, longest - len(a)), (0, 0)), constant_values=fill) for a in arrays])
 
 
 def stacked(sections: Sequence[tuple[np.ndarray, ...]], frames: int) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Errors of runs against an ensemble: clouds on surfaces, distances, and what is made of curves."""
+"""Errors of runs against an ensemble: points on surfaces, distances, and what is made of curves."""
 
 from __future__ import annotations
 
@@ -37,6 +37,7 @@ from limo.device_report import NOT_MEASURED, QUESTIONS, device_report, differenc
 from limo.device_runs import CLOUD, STEP, Run, Surface, kept_file, lacking, read_runs, sampled, section, write_runs
 from limo.errors import ResultError
 from limo.figures import DEVICE_FIGURES, style
+from limo.figures.surface import mirrors
 from limo.scaling import COLUMNS
 
 from ..workflow.test_results import rows, table
@@ -53,18 +54,18 @@ def flat(nx, ny):
 def test_points_on_a_surface_are_as_dense_everywhere():
     nodes, quads = flat(6, 4)
     stretched = nodes * (2.0 * (nodes[:, :1] > 0)) * (1.0, 0.0, 0.0)  # one half three times as long
-    points = sampled(nodes, quads, stretched, 4000)
+    points = sampled(nodes + stretched, quads, 4000)
     assert points.shape == (4000, 3)
     assert np.ptp(points[:, 2]) == 0
     counts, _ = np.histogram(points[:, 0], bins=[-1.0, 0.0, 1.0, 2.0, 3.0])
     assert counts == pytest.approx(np.full(4, 1000), rel=0.03)
-    again = sampled(nodes, quads, stretched, 4000)
+    again = sampled(nodes + stretched, quads, 4000)
     assert np.array_equal(points, again)
 
 
 def test_points_follow_curved_sides():
     nodes, quads = flat(1, 1)
-    points = sampled(nodes, quads, nodes[:, :1] ** 2 * (0.0, 0.0, 1.0), 200)
+    points = sampled(nodes + nodes[:, :1] ** 2 * (0.0, 0.0, 1.0), quads, 200)
     np.testing.assert_allclose(points[:, 2], points[:, 0] ** 2, atol=1e-12)
 
 
@@ -73,18 +74,44 @@ def test_a_section_of_a_wave_is_the_wave(height):
     """z = sin(2 x) + y of a surface that is divided finely; every segment lies on the plane and on the surface."""
     nodes, quads = flat(30, 6)
     x, y = nodes[:, 0], nodes[:, 1]
-    cut = section(nodes, quads, np.column_stack([0 * x, 0 * x, np.sin(2 * x) + y]), height)
+    cut = section(np.column_stack([x, y, np.sin(2 * x) + y]), quads, height)
     np.testing.assert_allclose(cut[..., 1], np.sin(2 * cut[..., 0]) + height, atol=2e-3)
     assert np.abs(np.diff(cut[..., 0])).sum() == pytest.approx(np.ptp(x)), "from end to end and nothing twice"
-    assert section(nodes, quads, np.zeros((len(nodes), 3)), 7.0).shape == (0, 2, 2)
+    assert section(nodes, quads, 7.0).shape == (0, 2, 2)
 
 
-def test_chamfer_distance_is_that_of_the_paper():
-    first, second = np.array([[0.0, 0, 0], [1.0, 0, 0]]), np.array([[0.0, 0, 0], [1.0, 0, 0.3], [1.0, 0, 0.5]])
-    # from the first: 0 and 0.3; from the second: 0, 0.3 and 0.5
-    assert chamfer(first, second) == pytest.approx(0.3 / 4 + 0.8 / 6)
-    assert chamfer(first, second) == chamfer(second, first)
-    assert chamfer(first, first) == 0
+def sheet(height=0.0, nx=3, ny=2, symmetry="full", corner=(0.0, 0.0), bend=0.0):
+    """A surface 40 mm x 40 mm, z = ``height`` + 3/4 y + ``bend`` x^2, with its lowest corner at ``corner``."""
+    nodes, quads = flat(nx, ny)
+    points = 40.0 * (nodes - nodes.min(axis=0)) / np.maximum(np.ptp(nodes, axis=0), 1e-9)
+    points[:, :2] += corner
+    points[:, 2] = height + 0.75 * points[:, 1] + bend * points[:, 0] ** 2
+    return Surface(np.array([0.0, 60.0]), np.array([0.0, 0.1]), points, quads, symmetry)
+
+
+def test_chamfer_distance_is_that_between_surfaces_whatever_their_meshes():
+    assert chamfer(sheet(), sheet()) == pytest.approx(0.0, abs=1e-9), "no spacing of points in it"
+    assert chamfer(sheet(), sheet(nx=5, ny=7)) == pytest.approx(0.0, abs=1e-9)
+    # parallel planes, where nothing but a strip along two edges is beyond the other's
+    assert chamfer(sheet(), sheet(0.5, nx=5)) == pytest.approx(0.4, rel=2e-3)
+    curved, finer = sheet(bend=0.01), sheet(bend=0.01, nx=9, ny=7)
+    assert 0 < chamfer(curved, finer) < 0.02, "sides are followed"
+    # a sheet beyond the edge of the other: from each, the mean way along the plane to the nearest edge
+    assert chamfer(sheet(), sheet(corner=(50.0, 0.0))) == pytest.approx(30.0, rel=1e-3)
+    near, far = sheet(), sheet(1.0, corner=(0.0, 10.0))
+    assert chamfer(near, far) == chamfer(far, near)
+
+
+@pytest.mark.parametrize(("symmetry", "copies"), [("front_back", 2), ("quarter", 4)])
+def test_distances_are_from_all_copies_of_the_part(symmetry, copies):
+    """Half a metre away too, and for points that are nearer to a copy than to the part."""
+    part = sheet(12.0, symmetry=symmetry, corner=(15.0, -20.0))
+    assert len(part.cloud) == CLOUD
+    whole = [replace(part, points=part.points * sign, symmetry="full") for sign in mirrors(symmetry)]
+    assert len(whole) == copies
+    points = np.random.default_rng(1).uniform(-200.0, 200.0, (400, 3))
+    np.testing.assert_allclose(part.distances(points), np.min([w.distances(points) for w in whole], axis=0), rtol=1e-12)
+    assert chamfer(part, part) == pytest.approx(0.0, abs=1e-9)
 
 
 @pytest.fixture
@@ -101,8 +128,7 @@ def make_run(make_case):
             "dissipated_fraction": 0.02, "solver_time": 10.0, "iterations": 100.0, "solver_memory": 200.0,
         }  # fmt: skip
         values = xr.Dataset(values | changed, coords={"actuation_pressure": PRESSURE, "frame": ["0", "max"]})
-        points = np.stack(np.meshgrid(np.arange(40.0), np.arange(40.0), [shift]), axis=-1).reshape(-1, 3)
-        surface = Surface(np.array([0.0, 60.0]), np.array([0.0, 0.1 * factor]), points)
+        surface = replace(sheet(shift), height=np.array([0.0, 0.1 * factor]))
         return Run(part, "", "", 0, make_case(), values, surface, times=(float(values.solver_time),))
 
     return make
@@ -120,8 +146,8 @@ def test_errors_are_relative_to_the_mean_of_the_reference(make_run):
     assert found["height"] == pytest.approx(0.2)
     assert found["cycles"] == pytest.approx(np.log10(1.2) - 0.5 * np.log10(0.99))
     length = make_run().case.device.pattern.length
-    assert found["chamfer"] == pytest.approx(0.1 / length)
-    assert errors_of(make_run(), [make_run()]) == dict.fromkeys(ERRORS, 0.0)
+    assert found["chamfer"] == pytest.approx(0.8 * 0.1 / length, rel=1e-3)
+    assert errors_of(make_run(), [make_run()]) == pytest.approx(dict.fromkeys(ERRORS, 0.0), abs=1e-9)
 
 
 def test_what_a_run_lacks_is_no_number(make_run):
@@ -208,8 +234,7 @@ def gathered(loaded, make_run, make_case, monkeypatch, tmp_path):
         )
         size = 2100.0 * seconds
         cuts = (np.zeros((0, 2, 2)), np.arange(8.0).reshape(2, 2, 2) * factor)
-        points = np.zeros((CLOUD, 3)) + 0.014 * factor
-        surface = replace(made.surface, cloud=points, sections=cuts)
+        surface = replace(made.surface, sections=cuts)
         return replace(made, variant=variant, case=case, branch=branch, surface=surface, equations=(size, 4.0 * size))
 
     runs = [
@@ -246,12 +271,11 @@ def test_the_page_of_results_says_what_is_in_the_file(gathered, tmp_path):
 def kept_runs(make_run, loaded):
     """Two runs of a reference in a file, which are those of the study ``reference_np4``."""
     cases = list(study_cases(loaded, "reference_np4").items())[:2]
-    points = np.linspace(-200.0, 200.0, 3 * CLOUD).reshape(-1, 3)
     cuts = (np.zeros((0, 2, 2)), np.arange(8.0).reshape(2, 2, 2))
     runs = []
-    for factor, (key, case) in zip((0.9, 1.1), cases, strict=True):
+    for factor, nx, (key, case) in zip((0.9, 1.1), (3, 5), cases, strict=True):
         made = make_run(factor, part="reference", case_id=case.case_id, machine="a machine")
-        surface = replace(made.surface, cloud=points * factor, sections=cuts)
+        surface = replace(sheet(-200.0 * factor, nx=nx, symmetry="quarter"), sections=cuts)
         runs.append(replace(made, case=case, branch=key[-1], surface=surface, equations=(100.0, 400.0)))
     return runs
 
@@ -269,6 +293,8 @@ def test_kept_runs_survive_their_file(kept_runs, loaded, tmp_path):
         assert errors_of(one, [other]) == pytest.approx(dict.fromkeys(ERRORS, 0.0), abs=1e-4)
         assert [c.shape for c in one.surface.sections] == [(0, 2, 2), (2, 2, 2)]
         assert float(one.values.solver_time) == 10.0
+        np.testing.assert_array_equal(one.surface.quads, other.surface.quads)
+        np.testing.assert_allclose(one.surface.points, other.surface.points, atol=0.5 * STEP + 1e-6)
     assert lacking(loaded, "reference_np4", tmp_path) == [False, False, True, True, True]
     coarser = loaded.studies["reference_np4"].model_copy(update={"mesh": Mesh(level="medium")})
     other = copy.copy(loaded)

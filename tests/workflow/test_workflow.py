@@ -238,7 +238,7 @@ def test_a_reference_is_solved_once_and_kept(project):
     assert rows(kept) == table("<study>_runs.nc")
     before = xr.load_dataset(kept)
     assert list(before.case_status.values) == ["converged"] * 2
-    assert np.isfinite(before.cloud).all()
+    assert np.isfinite(before.points).all()
     reference = set(map(str, before.case_id.values))
     for case_id in reference:
         shutil.rmtree(project.folder / "results/cases" / case_id)
@@ -256,7 +256,7 @@ def test_a_reference_is_solved_once_and_kept(project):
     assert done.returncode == 0, done.stdout + done.stderr
     after = xr.load_dataset(kept)
     assert len(reference & set(map(str, after.case_id.values))) == 2
-    for name in ("ventricle_volume", "picture_height", "cloud", "solver_time"):
+    for name in ("ventricle_volume", "picture_height", "points", "solver_time"):
         np.testing.assert_array_equal(after[name][:2], before[name])
     kept_errors = read_errors(project.folder / "docs/gallery/data/accuracy.nc")
     assert list(sizes_of(kept_errors).engine) == ["calculix", "newton"]
