@@ -188,8 +188,8 @@ def _by_the_other_engine(rows: pd.DataFrame) -> list[str]:
             finest = bricks.loc[bricks.divisions.idxmax()]
             said.append(
                 f"CalculiX makes {brick} of {shell}. The same bricks written out and solved by newton end within "
-                f"{apart.median():.1%} of its height (median of {len(both)} meshes; {apart.max():.1%} where the two rest "
-                f"in different wrinkles), and at n = {finest.divisions} at {number(finest.height)} mm."
+                f"{apart.median():.1%} of its height (median of {len(both)} meshes, at most {apart.max():.1%}), "
+                f"and at n = {finest.divisions} at {number(finest.height)} mm."
             )
     return said
 

@@ -10,12 +10,24 @@ import pandas as pd
 import xarray as xr
 
 from limo.config import Preset
-from limo.device_errors import CURVES, exponent, models_of, richardson, rows_of, scaling_of, scatter_row, settings_of, sizes_of
+from limo.device_errors import (
+    CURVES,
+    PAPER_CHAMFER,
+    PAPER_HEIGHT,
+    exponent,
+    models_of,
+    richardson,
+    rows_of,
+    scaling_of,
+    scatter_row,
+    settings_of,
+    sizes_of,
+)
 from limo.markdown import markdown_table, number, signed_percent
 
 NOT_MEASURED = "not measured"
-#: the paper's statement about its mesh: largest w / L and Chamfer distance to the finest mesh
-PAPER_HEIGHT, PAPER_CHAMFER, PAPER_LEVEL = 0.02, 5e-3, "medium"
+#: the mesh of which the paper says so
+PAPER_LEVEL = "medium"
 #: memory (MiB) of the machine that models have to fit into
 MEMORY = 24 * 1024
 _COLUMNS = {
@@ -310,8 +322,7 @@ def _scatter(rows: pd.DataFrame) -> str:
 
 def _limit(rows: pd.DataFrame) -> str:
     """Stroke and stress over the meshes that differ from the reference's in size alone, and where they tend to."""
-    mean = _first(rows[rows.kind == "mean"], part="reference")
-    settings = settings_of(rows)
+    mean, settings = _first(rows[rows.kind == "mean"], part="reference"), settings_of(rows)
     if mean is None:
         return NOT_MEASURED
     alike = settings[(settings.varied == "level") & (settings.engine == mean.engine) & (settings.grading == mean.grading)]
@@ -323,10 +334,8 @@ def _limit(rows: pd.DataFrame) -> str:
     for name, unit in (("stroke", "ml"), ("stress", "MPa")):
         size, values = levels.degrees_of_freedom.to_numpy(float), levels[name].to_numpy(float)
         over = ", ".join(f"{number(v)} (`{level}`)" for v, level in zip(values, levels.level, strict=True))
-        further = [signed_percent(richardson(size, values, order) / values[-1] - 1) for order in (2.0, 1.0)]
-        found.append(
-            f"{name} {over} {unit}, by Richardson's extrapolation {' to '.join(further)} from there (second to first order)"
-        )
+        second, first = (signed_percent(richardson(size, values, order) / values[-1] - 1) for order in (2.0, 1.0))
+        found.append(f"{name} {over} {unit}; Richardson's extrapolation adds {second} (second order) to {first} (first order)")
     return "; ".join(found)
 
 

@@ -288,7 +288,7 @@ def test_shells_are_compared_with_the_bricks_that_calculix_makes_of_them(dataset
     bricks = shells.assign(element="C3D20R", engine="newton", height=[50.0, 40.0], series="C3D20R (newton, hinged, straight up)")
     text = airbag_report(pd.concat([rows, bricks]), {"cap": flat_airbag(references=PUBLISHED)}, {})
     said = "CalculiX makes C3D20R of S8R. The same bricks written out and solved by newton end within 10.0% of its height"
-    assert f"{said} (median of 2 meshes; 20.0% where" in text
+    assert f"{said} (median of 2 meshes, at most 20.0%)" in text
     assert "at n = 4 at 40.0 mm" in text
 
 

@@ -7,8 +7,9 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 from matplotlib.lines import Line2D
+from matplotlib.ticker import LogLocator, NullLocator, ScalarFormatter
 
-from limo.device_errors import rows_of
+from limo.device_errors import PAPER_CHAMFER, PAPER_HEIGHT, rows_of
 from limo.figures import style
 from limo.figures.accuracy_cost import MARKERS
 
@@ -36,13 +37,19 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
             if row.branch == 0:
                 line[0].plot(pressure, height, "-" if row.engine == "newton" else "--", color=color, lw=1.2)
             look = {"color": color, "marker": marker, "ls": "", "ms": 5, "mfc": color if row.branch == 0 else "none"}
-            line[1].plot(row.degrees_of_freedom, row.height, **look)
-            line[2].plot(row.degrees_of_freedom, row.error_chamfer, **look)
+            line[1].plot(row.degrees_of_freedom / 1000, row.height, **look)
+            line[2].plot(row.degrees_of_freedom / 1000, row.error_chamfer, **look)
         _reference(line[1], of)
         line[0].set(xlabel="$P_a$ [kPa]", ylabel="Largest $w/L$ [-]")
-        line[1].set(xscale="log", xlabel="Degrees of freedom", ylabel="Largest $w/L$ at $P_{a,max}$ [-]")
-        line[2].set(xscale="log", xlabel="Degrees of freedom", ylabel="Chamfer distance $d_c/L$ [-]")
+        line[1].set(ylabel="Largest $w/L$ at $P_{a,max}$ [-]")
+        line[2].set(ylabel="Chamfer distance $d_c/L$ [-]")
+        line[2].axhline(PAPER_CHAMFER, color="0.5", lw=0.8, ls=":", zorder=0)
         line[2].set_ylim(0, None)
+        for axis in line[1:]:
+            axis.set(xscale="log", xlabel="Degrees of freedom [thousand]")
+            axis.xaxis.set(
+                major_locator=LogLocator(subs=(1, 2, 5)), major_formatter=ScalarFormatter(), minor_locator=NullLocator()
+            )
         line[0].set_title(device, loc="left")
     handles = [Line2D([], [], color=c, label=level) for level, c in colors.items()]
     handles += [
@@ -50,6 +57,7 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
     ]
     handles += [Line2D([], [], color="black", ls="", marker="o", mfc="none", label="other branches")]
     handles += [plt.Rectangle((0, 0), 1, 1, color="0.85", label="2 % around the reference")]
+    handles += [Line2D([], [], color="0.5", lw=0.8, ls=":", label="$d_c/L$ of the paper")]
     style.legend(figure, handles, [], 6)
     return figure
 
@@ -58,5 +66,5 @@ def _reference(axis, rows: pd.DataFrame) -> None:
     """The mean of the reference with the paper's 2 % on either side."""
     height = rows.height[(rows.part == "reference") & np.isfinite(rows.height)]
     if len(height):
-        axis.axhspan(0.98 * height.mean(), 1.02 * height.mean(), color="0.85", lw=0, zorder=0)
+        axis.axhspan((1 - PAPER_HEIGHT) * height.mean(), (1 + PAPER_HEIGHT) * height.mean(), color="0.85", lw=0, zorder=0)
         axis.axhline(height.mean(), color="0.5", lw=0.8, zorder=0)

@@ -26,7 +26,7 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
     """A row a device: error of the volumes and of the stress over CPU seconds, the Pareto front, and the presets on it.
 
     The dark band is the scatter of paths on the finest mesh, the light one that on the default mesh: an error within them says
-    nothing. Triangles at the bottom are errors below the panel.
+    nothing. Triangles at the bottom are errors below the panel. Names that would cover others are left out.
     """
     rows = rows_of(dataset)
     names = list(dict.fromkeys(rows.device))
@@ -46,7 +46,21 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
     handles += [plt.Rectangle((0, 0), 1, 1, color="0.75", label="scatter, finest mesh")]
     handles += [plt.Rectangle((0, 0), 1, 1, color="0.9", label="scatter, default mesh")]
     style.legend(figure, handles, [], 6)
+    figure.draw_without_rendering()
+    for axis in axes.ravel():
+        _thin(axis)
     return figure
+
+
+def _thin(axis) -> None:
+    """Take away what covers another text, presets last."""
+    free: list = []
+    for text in sorted(axis.texts, key=lambda t: t.get_fontweight() != "bold"):
+        box = text.get_window_extent()
+        if any(box.overlaps(other) for other in free):
+            text.remove()
+        else:
+            free.append(box)
 
 
 def _panel(axis, rows: pd.DataFrame, error: str) -> None:

@@ -21,10 +21,11 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
     names = list(dict.fromkeys(rows.device))
     columns = max([int((rows.device == name).sum()) for name in names], default=1)
     plt.rcParams.update(style.SETTINGS)
+    width, height = (np.nanmax(np.abs(dataset.sections.values[..., k]), initial=1.0) for k in (0, 1))
+    size = max(1.8 * columns, 5.0), (1.6 * height / width + 0.7) * max(len(names), 1) + 0.4
     figure, axes = plt.subplots(
-        max(len(names), 1), columns, figsize=(max(1.8 * columns, 5.0), 2.6 * max(len(names), 1) + 0.6), layout="constrained",
-        squeeze=False, sharex=True, sharey=True,
-    )  # fmt: skip
+        max(len(names), 1), columns, figsize=size, layout="constrained", squeeze=False, sharex=True, sharey=True
+    )
     for axis in axes.ravel():
         axis.set_axis_off()
     shown = dataset.frame_pressure.values[dataset.section_run.values.astype(int)]
@@ -36,11 +37,11 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
             pressure = dataset.frame_pressure.values[int(dataset.section_run[index])]
             _cuts(axis, dataset.sections.values[index], pressure, row.symmetry, norm)
             axis.set_axis_on()
-            axis.set(aspect="equal", xlabel="x [mm]", facecolor="0.93")
+            axis.set(aspect="equal", xlabel="x [mm]" if device == names[-1] else "", facecolor="0.93")
             axis.grid(visible=False)
             axis.set_title(f"{device}: {row.level}\n{row.degrees_of_freedom / 1000:.0f} thousand dof", fontsize=7.5)
         line[0].set_ylabel("z [mm]")
-    bar = figure.colorbar(ScalarMappable(norm, "Greys"), ax=list(axes.ravel()), shrink=0.7, aspect=30)
+    bar = figure.colorbar(ScalarMappable(norm, "Greys"), ax=list(axes.ravel()), aspect=20)
     bar.set_label(f"$P_a$ [kPa], cut at $y/L$ = {SECTION:g}")
     return figure
 

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import json
-from typing import get_args
 
 import numpy as np
 import pandas as pd
 import xarray as xr
 
-from limo.config import AirbagElement
 from limo.figures import style
 
 #: what is drawn: variable, label, and which published values are lines in its panel
@@ -20,10 +18,9 @@ PANELS = (
 )
 #: heights below this share of the largest are arrows at the bottom of the panel
 _SHOWN_FROM = 0.75
-_PALE = "#F0E442"  # too pale for a line
-#: colours of the elements, and markers and lines of the series of one element
-COLORS = dict(zip(get_args(AirbagElement), (c for c in style.COLORS if c != _PALE), strict=False))
-COLORS["C3D20"] = COLORS["S8"]  # what CalculiX makes of S8
+#: colours of the elements, C3D20 that of the shell of which CalculiX makes it
+COLORS = dict(zip(("S3", "S4", "S4R", "S6", "S8", "S8R", "C3D20R"), style.COLORS, strict=False))
+COLORS["C3D20"] = COLORS["S8"]
 _LOOKS = (("o", "-"), ("^", "--"), ("s", "--"), ("D", "-."), ("v", ":"), ("P", (0, (5, 1, 1, 1, 1, 1))))
 
 
@@ -32,7 +29,7 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
 
     Crosses mark runs that failed, arrows heights far below the panel.
     """
-    figure, axes = style.panels(3, width=9.0, height=4.3)
+    figure, axes = style.panels(3, width=9.0, height=4.6)
     table = dataset.drop_vars("displacement").to_dataframe()
     table["cpu_seconds"] /= table.cpu_seconds[table.status == "converged"].min()
     lowest = _SHOWN_FROM * table.height.max()
@@ -57,5 +54,5 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
     axes[1].set_ylim(0, None)
     axes[2].set_yscale("log")
     handles = dict(zip(*reversed(axes[0].get_legend_handles_labels()), strict=True))
-    style.legend(figure, list(handles.values()), [], 4)
+    style.legend(figure, list(handles.values()), [], 3)
     return figure

@@ -11,9 +11,14 @@ from limo.fatigue import cycles_to_failure, strain_amplitude
 from limo.figures import style
 from limo.figures.pressure_volume import curve_label
 
+_MARKERS = ("o", "s", "^", "D", "v", "P", "*", "X")
+
 
 def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
-    """(a) Amplitude over cycles with its elastic and plastic branch, and each case's peak amplitude near seams on it."""
+    """(a) Amplitude over cycles with its elastic and plastic branch, and each case's peak amplitude near seams on it.
+
+    A case in the endurance range is hollow, at the end of the curve.
+    """
     fatigue = Fatigue.model_validate_json(dataset.attrs["fatigue"])
     dataset = style.first_branch(dataset)
     figure, (axis,) = style.panels(1, width=5.5, height=3.6)
@@ -26,17 +31,18 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
     dims = list(dataset.case_status.dims)
     varying = [d for d in dims if dataset.sizes[d] > 1]
     cases = dataset.stack(case=dims) if dims else dataset.expand_dims("case")
+    colors = dataset.sizes[varying[-1]] if varying else 1  # what varies last has the colour, all else the marker
     lowest = float(sum(strain_amplitude(np.array(last), fatigue)))
     for k in range(cases.sizes["case"]):
         case = cases.isel(case=k)
         amplitude = float(case.fatigue_amplitude_peak)
+        look = {"color": style.COLORS[k % colors % len(style.COLORS)], "marker": _MARKERS[k // colors % len(_MARKERS)], "ls": ""}
         if not np.isfinite(amplitude):
-            axis.plot([], [], "x", color=style.COLORS[k % len(style.COLORS)], label=f"{curve_label(case, varying)}: not measured")
+            axis.plot([], [], **look | {"marker": "x"}, label=f"{curve_label(case, varying)}: not measured")
             continue
         life, _ = cycles_to_failure(np.array([amplitude]), fatigue)
-        marker, at = ("o", life[0]) if np.isfinite(life[0]) else (">", last)
-        note = "" if np.isfinite(life[0]) else ", endurance"
-        axis.plot(at, amplitude, marker, color=style.COLORS[k % len(style.COLORS)], label=curve_label(case, varying) + note)
+        at, note, mfc = (life[0], "", look["color"]) if np.isfinite(life[0]) else (last, ", endurance", "none")
+        axis.plot(at, amplitude, **look, mfc=mfc, label=curve_label(case, varying) + note)
         lowest = min(lowest, amplitude)
     axis.set(xlabel="Cycles to failure $N_f$ [-]", ylabel=r"Strain amplitude $\varepsilon_a$ [-]", xlim=(1, 2 * last))
     axis.set_ylim(0.6 * lowest, 1.5 * float((elastic + plastic)[0]))

@@ -14,8 +14,8 @@ import numpy as np
 import xarray as xr
 from PIL import Image
 
-#: Okabe-Ito, in the order in which curves take them
-COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#F0E442", "#000000")
+#: Okabe-Ito, in the order in which curves take them: yellow, pale on white, last
+COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#F0E442")
 WIDEST_PNG, LARGEST_PNG = 1600, 300_000  # pixels across, bytes
 SETTINGS = {
     "axes.grid": True,
