@@ -278,8 +278,9 @@ def _mesh(rows: pd.DataFrame) -> str:
     if good.empty:
         return f"none of {', '.join(dict.fromkeys(levels.level))} has {wanted}"
     best = good.iloc[0]
+    named = f", preset `{best.preset}`," if best.preset else ""
     return (
-        f"`{best.level}` with {best.engine} for {best.cpu_seconds:.0f} s is the cheapest with {wanted}; its stress is off by "
+        f"`{best.level}` with {best.engine}{named} for {best.cpu_seconds:.0f} s is the cheapest with {wanted}; its stress is off by "
         f"{_error(best, 'error_stress', rows)}"
     )
 
