@@ -280,8 +280,8 @@ def _mesh(rows: pd.DataFrame) -> str:
     best = good.iloc[0]
     named = f", preset `{best.preset}`," if best.preset else ""
     return (
-        f"`{best.level}` with {best.engine}{named} for {best.cpu_seconds:.0f} s is the cheapest with {wanted}; its stress is off by "
-        f"{_error(best, 'error_stress', rows)}"
+        f"`{best.level}` with {best.engine}{named} for {best.cpu_seconds:.0f} s is the cheapest with {wanted}; its stress is "
+        f"off by {_error(best, 'error_stress', rows)}"
     )
 
 

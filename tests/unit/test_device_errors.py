@@ -371,12 +371,12 @@ def test_the_report_answers_from_the_rows(gathered, loaded):
     assert "ramp.damping 1e+07 1/s" in damping
     assert damping.count("not harmless") == 1
     mesh = answers[QUESTIONS["mesh"]]
-    assert mesh.startswith("`medium` with newton for 400 s is the cheapest")
+    assert mesh.startswith("`medium` with newton, preset `standard`, for 400 s is the cheapest")
     paper = answers[QUESTIONS["paper"]]
     assert "with newton, largest w 1.5% of at most 2.0%: met" in paper
     assert "with calculix, largest w 3.0% of at most 2.0%: **not met**" in paper
     assert (
-        "stroke 116.4 (`paper`), 118.2 (`medium`), 120.0 (`fine`) ml, by Richardson's extrapolation "
+        "stroke 116.4 (`paper`), 118.2 (`medium`), 120.0 (`fine`) ml; Richardson's extrapolation adds "
         in answers[QUESTIONS["limit"]]
     )
     scatter = answers[QUESTIONS["scatter"]]
@@ -387,7 +387,8 @@ def test_the_report_answers_from_the_rows(gathered, loaded):
     scaling = text.split("### What it takes")[1].split("###")[0]
     assert "| 1.50 | 1.00 | 64000 | 512.0 | 6400 | 245760 |" in scaling, "a time that grows eightfold with four times the size"
     assert re.search(r"\| lost \| coarse \| calculix \| \d+ \| diverged ", text)
-    assert re.search(r"\| np4 \| standard \| medium \| quarter \| newton \| 3 \| 400 \| 3600 \| 1\.5% ", text)
+    branches = loaded.config.presets["standard"].branches
+    assert re.search(rf"\| np4 \| standard \| medium \| quarter \| newton \| {branches} \| 400 \| 3600 \| 1\.5% ", text)
     other = {**loaded.config.presets, "mine": Preset(mesh=Mesh(level="coarse"))}
     assert re.search(rf"\| np4 \| mine \| coarse \| quarter \| newton \| 1 \| {NOT_MEASURED} ", device_report(gathered, other))
 

@@ -53,14 +53,15 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
 
 
 def _thin(axis) -> None:
-    """Take away what covers another text, presets last."""
-    free: list = []
-    for text in sorted(axis.texts, key=lambda t: t.get_fontweight() != "bold"):
+    """Take away names of settings that would cover another text."""
+    presets = [t for t in axis.texts if t.get_fontweight() == "bold"]
+    taken = [t.get_window_extent() for t in presets]
+    for text in [t for t in axis.texts if t not in presets]:
         box = text.get_window_extent()
-        if any(box.overlaps(other) for other in free):
+        if any(box.overlaps(other) for other in taken):
             text.remove()
         else:
-            free.append(box)
+            taken.append(box)
 
 
 def _panel(axis, rows: pd.DataFrame, error: str) -> None:
