@@ -43,7 +43,7 @@ class Project:
         change(data)
         path.write_text(yaml.safe_dump(data))
 
-    def snakemake(self, *arguments: str, cores: int = 2, config: str = "") -> subprocess.CompletedProcess[str]:
+    def snakemake(self, *arguments: str, cores: int | None = 2, config: str = "") -> subprocess.CompletedProcess[str]:
         """Run the workflow in the folder."""
         command = [
             sys.executable,
@@ -53,8 +53,7 @@ class Project:
             str(ROOT / "Snakefile"),
             "--directory",
             str(self.folder),
-            "--cores",
-            str(cores),
+            *(["--cores", str(cores)] if cores else []),
             *arguments,
             "--config",
             f"file={self.config_file}",

@@ -146,8 +146,11 @@ def test_every_command_of_the_documents_runs_or_can_be_planned(run, reader):
 
 
 def _sort(words: list[str], targets: dict[str, None], others: dict[tuple[str, ...], None]) -> None:
-    """Targets with no other options than cores are planned together, which takes one start of Snakemake."""
-    plain = re.sub(r"--cores \d+|(^| )(-n|--dry-run|--keep-going)( |$)", " ", " ".join(words)).split()
+    """Targets with no other options than cores are planned together, which takes one start of Snakemake.
+
+    So are those of a report, which can only be made of what is solved.
+    """
+    plain = re.sub(r"--cores \d+|--report \S+|(^| )(-n|--dry-run|--keep-going)( |$)", " ", " ".join(words)).split()
     if all(re.fullmatch(r"\w+", word) for word in plain):
         targets.update(dict.fromkeys(plain))
     else:

@@ -166,6 +166,15 @@ def test_a_change_of_style_draws_the_figures_again_and_nothing_else(solved, tmp_
     assert set(planned) == {"draw_figure", "all", "total"}
 
 
+def test_the_report_has_a_caption_for_each_figure(solved):
+    done = solved.snakemake("--report", "report.html", cores=None)
+    assert done.returncode == 0, done.stdout + done.stderr
+    page = (solved.folder / "report.html").read_text()
+    captions = {file.stem: file.read_text().split("\n")[0] for file in (ROOT / "workflow/report").glob("*.rst")}
+    assert captions["pressure_volume"] in page
+    assert captions["afterload"] not in page, "a figure of another study"
+
+
 def test_the_unsolved_project_is_valid(tmp_path):
     assert make_project(tmp_path).planned()["solve_case"] == 2
 

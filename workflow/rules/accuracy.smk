@@ -43,7 +43,7 @@ rule draw_airbag:
     output:
         report(
             "docs/gallery/{airbag}_{figure}.png",
-            caption="../report/{figure}.rst",
+            caption="../report/figure.rst",
             category="accuracy",
         ),
         "results/airbags/{airbag}/figures/{figure}.pdf",
@@ -53,6 +53,8 @@ rule draw_airbag:
         figure="|".join(AIRBAG_FIGURES),
     conda:
         "../envs/limo.yaml"
+    params:
+        caption=caption,
     message:
         "Draw {wildcards.figure} of the airbag {wildcards.airbag}"
     script:
@@ -117,7 +119,7 @@ rule time_case:
         "../../scripts/time_case.py"
 
 
-# alone on the machine, whose memory it fills
+# alone on the machine, whose memory it fills: more threads than any run has cores are cut down to all of them
 rule measure_scaling:
     output:
         "results/scaling/{engine}.csv",
@@ -127,7 +129,7 @@ rule measure_scaling:
         engine="|".join(ENGINES),
     conda:
         "../envs/limo.yaml"
-    threads: workflow.cores
+    threads: 4096
     params:
         content=scaling_content,
         code=code_digest(("scaling",)),
@@ -167,7 +169,7 @@ rule draw_accuracy:
     output:
         report(
             "docs/gallery/{figure}.png",
-            caption="../report/{figure}.rst",
+            caption="../report/figure.rst",
             category="accuracy",
         ),
         "results/accuracy/figures/{figure}.pdf",
@@ -177,6 +179,8 @@ rule draw_accuracy:
         figure="|".join(DEVICE_FIGURES),
     conda:
         "../envs/limo.yaml"
+    params:
+        caption=caption,
     message:
         "Draw {wildcards.figure} of the device"
     script:

@@ -31,6 +31,11 @@ def mesh_content(wildcards):
         raise WorkflowError(f"{wildcards.mesh}: no study of {CONFIG_FILE} uses this mesh") from None
 
 
+def caption(wildcards):
+    """What the report says of a figure; the paths of captions know no wildcards, their texts do."""
+    return Path(f"{workflow.basedir}/workflow/report/{wildcards.figure}.rst").read_text(encoding="utf-8")
+
+
 def study_results(wildcards):
     """Results of the cases that serve a study, and of those it is compared with."""
     name = wildcards.study

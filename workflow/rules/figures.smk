@@ -13,7 +13,7 @@ rule draw_figure:
     output:
         report(
             "results/studies/{study}/figures/{figure}.png",
-            caption="../report/{figure}.rst",
+            caption="../report/figure.rst",
             category="{study}",
         ),
         "results/studies/{study}/figures/{figure}.pdf",
@@ -23,6 +23,8 @@ rule draw_figure:
         "results/benchmarks/draw_figure/{study}_{figure}.tsv"
     conda:
         "../envs/limo.yaml"
+    params:
+        caption=caption,
     message:
         "Draw {wildcards.figure} of {wildcards.study}"
     script:
