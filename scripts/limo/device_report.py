@@ -130,9 +130,8 @@ def _scaling(rows: pd.DataFrame, sizes: pd.DataFrame) -> pd.DataFrame:
     """Exponents over the displacements that are solved for, the largest model that was tried, and what fits into the machine."""
     table = []
     for engine, of in scaling_of(rows).groupby("engine", sort=False):
-        size, models = of.solved_degrees_of_freedom, models_of(of, sizes)
-        power, factor = exponent(models.displacements, models.memory_mib)
-        largest = models.loc[models.displacements.idxmax()]
+        size, models = of.solved_degrees_of_freedom, models_of(of, sizes).sort_values("displacements")
+        largest = models.iloc[-1]
         table.append(
             {
                 "engine": engine,
@@ -140,16 +139,23 @@ def _scaling(rows: pd.DataFrame, sizes: pd.DataFrame) -> pd.DataFrame:
                 "displacements": f"{size.min():.0f} to {size.max():.0f}",
                 "exponent of CPU time": number(exponent(size, of.cpu_seconds)[0], 2),
                 "of an iteration": number(exponent(models.displacements, models.seconds_per_iteration)[0], 2),
-                "of memory": number(power, 2),
+                "of memory": number(exponent(models.displacements, models.memory_mib)[0], 2),
                 "largest model": number(largest.displacements, 0),
                 "s an iteration": number(largest.seconds_per_iteration, 1),
                 "MiB": number(largest.memory_mib, 0),
-                "extrapolated: displacements in 24 GiB": number(
-                    (MEMORY / factor) ** (1 / power) if len(sizes) and power > 0 else np.nan, 0
-                ),
+                "extrapolated from the last two: displacements in 24 GiB": number(_fitting(models) if len(sizes) else np.nan, 0),
             }
         )
     return pd.DataFrame(table)
+
+
+def _fitting(models: pd.DataFrame) -> float:
+    """Displacements of which the memory is ``MEMORY``, by the power law through the two largest models; NaN of fewer."""
+    if len(models) < 2:
+        return float("nan")
+    before, last = models.iloc[-2], models.iloc[-1]
+    power = np.log(last.memory_mib / before.memory_mib) / np.log(last.displacements / before.displacements)
+    return float(last.displacements * (MEMORY / last.memory_mib) ** (1 / power))
 
 
 # --------------------------------------------------------------------------------------------------------------------
