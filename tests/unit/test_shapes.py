@@ -14,7 +14,7 @@ import xarray as xr
 from limo.case import describe
 from limo.config import Study
 from limo.dataset import gather_study
-from limo.figures import FIGURES, NEEDS, SHAPES, pictures, render, style
+from limo.figures import FIGURES, NEEDS, SHAPES, pictures, render, strain_life, style
 from limo.figures.render import Camera, Scale, Scene
 from limo.figures.surface import Surface, facets, full_device, mirrors, surface_of
 from limo.files import write_json
@@ -254,6 +254,24 @@ def test_every_figure_of_surfaces_is_drawn_alike_twice_from_the_files_alone(solv
     for image in pictured:
         assert 0.05 < (np.asarray(image) < 250).any(axis=2).mean() < 0.9
     assert "diverged" in texts  # N_p = 4
+
+
+def test_the_strain_life_figure_shows_the_device_that_fails_first(root):
+    data = root / "docs/gallery/data"
+    dataset, surfaces = xr.load_dataset(data / "fatigue.nc"), xr.load_dataset(data / "fatigue_shapes.nc")
+    for size in (1.0, -1.0):  # the largest amplitude, and the smallest
+        changed = dataset.assign(fatigue_amplitude_peak=1.0 + size * dataset.fatigue_amplitude_peak)
+        first = changed.fatigue_amplitude_peak.where(
+            changed.fatigue_amplitude_peak == changed.fatigue_amplitude_peak.max(), drop=True
+        )
+        drawn = strain_life.draw(changed, None, surfaces)
+        title = drawn.axes[1].get_title(loc="left")
+        style.close(drawn)
+        assert f"$N_p$ = {first.n_pouches.item():g}, $P_v$ = {first.ventricular_pressure.item():g} kPa" in title
+    nothing = strain_life.draw(dataset.assign(fatigue_amplitude_peak=np.nan * dataset.fatigue_amplitude_peak), None, surfaces)
+    assert "no strain amplitudes" in nothing.axes[1].texts[0].get_text()
+    assert "not measured" in nothing.axes[0].get_legend_handles_labels()[1][-1]
+    style.close(nothing)
 
 
 def test_a_study_of_surfaces_needs_its_frames(loaded):

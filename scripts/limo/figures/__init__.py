@@ -33,6 +33,7 @@ SHAPES = {
     "deformation": ("frames",),
     "kinematics": ("frames",),
     "von_mises": ("maps", "von_mises"),
+    "strain_life": ("maps", "fatigue"),
     "cycles": ("maps", "fatigue"),
     "strain_paths": ("maps", "lines"),
     "buckling": ("maps", "event"),

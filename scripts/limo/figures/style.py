@@ -37,10 +37,10 @@ SETTINGS = {
 }
 
 
-def panels(count: int, width: float = 7.5, height: float = 3.0):
-    """A row of ``count`` panels with letters; sizes in inches."""
+def panels(count: int, width: float = 7.5, height: float = 3.0, **shares):
+    """A row of ``count`` panels with letters; sizes in inches, ``shares``: for example ``width_ratios``."""
     plt.rcParams.update(SETTINGS)
-    figure, axes = plt.subplots(1, count, figsize=(width, height), layout="constrained", squeeze=False)
+    figure, axes = plt.subplots(1, count, figsize=(width, height), layout="constrained", squeeze=False, **shares)
     for letter, axis in zip("abcdefgh", axes[0], strict=False):
         axis.set_title(f"({letter})", loc="left")
     return figure, list(axes[0])
