@@ -155,14 +155,20 @@ def make_parser() -> argparse.ArgumentParser:
         made.add_argument("--table", type=Path, default=Path("results/paper_check.csv"), help="default: %(default)s")
         made.add_argument("--page", type=Path, default=Path("results/paper_check.md"), help="default: %(default)s")
     says = "keep the datasets of studies in the gallery, and draw its figures and its page from them"
-    with command(_gallery, "gallery", says, "", "afterload compliance", "--redraw", "--set standard") as made:
+    with command(
+        _gallery, "gallery", says, "", "afterload compliance", "--redraw", "--set standard --config config/standard.yaml"
+    ) as made:
         _studies(made, "all that are gathered")
         made.add_argument("--redraw", action="store_true", help="draw what the gallery holds and copy nothing into it")
         made.add_argument("--to", type=Path, default=Path("docs/gallery"), metavar="FOLDER", help="default: %(default)s")
         made.add_argument(
             "--set", dest="part", default="", metavar="NAME",
-            help="a set beside the first one, in a folder of this name: curves and pictures, without surfaces",
+            help="a set beside the first one, in a folder of this name: curves and pictures, without surfaces; it grows by the "
+            "cases that are solved",
         )  # fmt: skip
+        made.add_argument(
+            "--lacking", action="store_true", help="print the files that snakemake is to make for the set, and do nothing else"
+        )
         _config(made)
         _results(made)
     says = "measure how reliable solves are, and renew the tables of docs/reliability.md"
@@ -348,9 +354,10 @@ def _paper_check(chosen: argparse.Namespace) -> None:
 
 
 def _gallery(chosen: argparse.Namespace) -> None:
-    from limo.gallery import make_gallery
+    from limo.gallery import lacking_of_set, make_gallery
 
-    for file in make_gallery(chosen.config, chosen.studies, chosen.results, chosen.to, chosen.part, redraw=chosen.redraw):
+    where = chosen.config, chosen.studies, chosen.results, chosen.to, chosen.part
+    for file in lacking_of_set(*where) if chosen.lacking else make_gallery(*where, redraw=chosen.redraw):
         print(file)
 
 

@@ -37,6 +37,9 @@ RULES = (
     *("accuracy", "solve_airbag", "gather_airbag", "draw_airbag", "keep_airbags", "gather_accuracy", "draw_accuracy"),
 )
 NAME = r"^[A-Za-z][A-Za-z0-9_]*$"
+FILE = r"^[\w-]+\.ya?ml$"
+#: keys of a configuration that a preset stands for
+PRESET_KEYS = ("engine", "mesh", "numerics", "branches")
 
 
 class Section(BaseModel):
@@ -947,9 +950,22 @@ class Airbag(Elastic):
         return series
 
 
+def _required_unless_extended(schema: dict[str, Any]) -> None:
+    """A configuration that extends another one may leave out what that says."""
+    schema["anyOf"] = [{"required": schema.pop("required")}, {"required": ["extends"]}]
+
+
 class Config(Section):
     """``config/config.yaml``: what runs by default and the presets that studies name."""
 
+    model_config = ConfigDict(json_schema_extra=_required_unless_extended)
+
+    extends: str | None = Field(
+        None,
+        pattern=FILE,
+        description="configuration in the same folder whose keys hold where this one says nothing",
+        examples=["config.yaml"],
+    )
     studies: list[Annotated[str, Field(pattern=NAME)]] = Field(
         min_length=1, description="studies that `snakemake` runs when none is named", examples=[["pressure_volume"]]
     )
@@ -1169,13 +1185,30 @@ def _models(annotation: Any) -> list[type[Section]]:
     return [m for a in getattr(annotation, "__args__", ()) for m in _models(a)]
 
 
+def _read_config(path: Path) -> Config:
+    """A configuration, and where it extends another one the keys of that; ``preset`` here takes the place of what it stands for.
+
+    Raises ``ConfigError`` for a mistake in either, and for one that extends one that extends another.
+    """
+    data = read_yaml(path)
+    if isinstance(name := data.get("extends"), str) and re.search(FILE, name):
+        base = read_yaml(path.with_name(name))
+        if "extends" in base or path.with_name(name) == path:
+            expected = "a configuration that extends none itself"
+            raise ConfigError(path, "extends", name, expected, "extends: config.yaml")
+        parse(Config, base, path.with_name(name))
+        taken = PRESET_KEYS if data.get("preset") else ()
+        data = {key: value for key, value in base.items() if key not in taken} | data
+    return parse(Config, data, path)
+
+
 def load_config(path: str | Path = "config/config.yaml") -> Loaded:
     """Read ``path``, and ``devices/*.yaml``, ``studies/*.yaml`` and ``airbags/*.yaml`` beside it.
 
     Raises ``ConfigError`` for the first mistake found in any of them.
     """
     path = Path(path)
-    config: Config = parse(Config, read_yaml(path), path)
+    config = _read_config(path)
     files: dict[str, Path] = {}
 
     def read_all(folder: str, model: type[Section]) -> dict[str, Any]:
@@ -1204,7 +1237,7 @@ def load_config(path: str | Path = "config/config.yaml") -> Loaded:
         _check_names(path, f"presets.{name}.numerics", preset.numerics, config.numerics_presets)
     if config.preset:
         _check_preset(path, config.preset, config)
-        if stated := [n for n in ("engine", "mesh", "numerics") if n in config.model_fields_set]:
+        if stated := [n for n in PRESET_KEYS if n in config.model_fields_set]:
             expected = f"no {', '.join(stated)} beside it, for which it stands"
             raise ConfigError(path, "preset", config.preset, expected, f"preset: {config.preset}")
     _check_recovery(path, config)

@@ -176,6 +176,28 @@ def gather_study(loaded: Loaded, name: str, case_folder: Path, sources: Sequence
     return on_axes(describe_axes(dataset), study)
 
 
+def absent(dataset: xr.Dataset) -> xr.DataArray:
+    """Which cases of a study's dataset are not solved, or not measured where the study wants that."""
+    solved = dataset.case_status != "missing"
+    return ~solved if "measure_status" not in dataset else ~solved | (dataset.measure_status == "missing")
+
+
+def completed(dataset: xr.Dataset, earlier: xr.Dataset) -> xr.Dataset:
+    """A study's dataset in which the cases that are absent are those of an earlier one, where it has them.
+
+    Raises ``ValueError`` where that has another configuration: its cases are others then.
+    """
+    if dataset.attrs["config"] != earlier.attrs["config"]:
+        raise ValueError("gathered with another configuration")
+    taken = absent(dataset) & ~absent(earlier)
+    filled = {
+        name: earlier[name].where(taken, values).assign_attrs(values.attrs)
+        for name, values in dataset.data_vars.items()
+        if name in earlier and set(taken.dims) <= set(values.dims)
+    }
+    return dataset.assign(filled)
+
+
 def describe_axes(dataset: xr.Dataset) -> xr.Dataset:
     """The same with units and names on the axes of a grid of cases and of curves."""
     for coordinate in (c for c in COORDINATES if c in dataset.coords):

@@ -2,7 +2,8 @@
 
 ``data/<study>.nc`` and ``data/<study>_shapes.nc`` are what a study's figures are drawn from: no solver, and no other file;
 ``data/material.nc`` is the tensile test with its fit. A set in a folder of its own (another preset of the same studies) keeps
-the curves alone: surfaces on a fine mesh are too large, so figures of them are drawn from the results, once.
+the curves alone: surfaces on a fine mesh are too large, so figures of them are drawn from the results, once. It grows case by
+case, so that days of solving may be spread over days, and over machines.
 """
 
 from __future__ import annotations
@@ -20,10 +21,14 @@ import xarray as xr
 
 from limo.config import Loaded, load_config
 from limo.cost import duration
+from limo.dataset import absent, completed, gather_study
 from limo.errors import LimoError
 from limo.figures import SHAPES, style, tensile_test
 from limo.figures.measured import read_measured
 from limo.files import write_netcdf, write_whole
+from limo.judge import USABLE
+from limo.plan import Plan, make_plan
+from limo.shapes import gather_shapes
 
 #: bytes that the data of all studies, those of sets included, may take together
 LARGEST_DATA = 5_000_000
@@ -38,39 +43,69 @@ _EXAMPLE = "limo gallery afterload"
 def keep(loaded: Loaded, studies: Iterable[str], results: Path, gallery: Path, part: str = "") -> list[Path]:
     """Take the datasets of studies (none: all that are gathered, and the tensile test) from ``results``; returns what is kept.
 
-    ``part``: the set that they are kept as, without their shapes.
+    ``part``: the set that they are kept as, without their shapes, from the cases that are solved (none: all studies that have
+    one). Cases that the set holds already and that are not in ``results`` stay.
 
-    Raises ``LimoError`` for a study that is named and not gathered, and when the gallery's data would exceed
-    ``LARGEST_DATA``; nothing is copied then.
+    Raises ``LimoError`` for a study that is named and not gathered (in a set: of which nothing is solved), for a set that was
+    kept with another configuration, and when the gallery's data would exceed ``LARGEST_DATA``; nothing is copied then.
     """
     named, data = list(studies), gallery / part / "data"
-    copies: dict[Path, Path] = {}
-    for name in named or loaded.studies:
-        folder = results / "studies" / name
-        if name in named and not (folder / "study.nc").exists():
-            raise LimoError(f"{folder / 'study.nc'}: not gathered yet; snakemake --cores 2 {name} does that")
-        for file, kept in (("study.nc", f"{name}.nc"), ("shapes.nc", f"{name}_shapes.nc"))[: 1 if part else 2]:
-            if (folder / file).exists():
-                copies[data / kept] = folder / file
-    if not named and not part and (results / MATERIAL).exists():
-        copies[data / MATERIAL_KEPT] = results / MATERIAL
-    ours = {MATERIAL_KEPT, *(f"{name}{shapes}.nc" for name in loaded.studies for shapes in ("", "_shapes"))}
-    stay = [f for f in gallery.glob("**/data/*.nc") if f.name in ours and f not in copies]
     with tempfile.TemporaryDirectory() as folder:
-        packed = {target: _packed(source, Path(folder) / target.name) for target, source in copies.items()}
+        aside = Path(folder)
+        packed = _packed_set(loaded, named, results, data, aside) if part else _packed_all(loaded, named, results, data, aside)
+        ours = {MATERIAL_KEPT, *(f"{name}{shapes}.nc" for name in loaded.studies for shapes in ("", "_shapes"))}
+        stay = [f for f in gallery.glob("**/data/*.nc") if f.name in ours and f not in packed]
         total = sum(f.stat().st_size for f in (*stay, *packed.values()))
         if total > LARGEST_DATA:
             raise LimoError(f"{gallery}: {total / 1e6:.1f} MB of data together; {LARGEST_DATA / 1e6:g} MB is the most")
         for target, source in packed.items():
             write_whole(target, lambda path, source=source: shutil.copyfile(source, path))
-    return list(copies)
+    return list(packed)
 
 
-def _packed(source: Path, target: Path) -> Path:
-    """The file to keep: the curves of a ``study.nc`` go packed into ``target``, anything else is packed already."""
-    if source.name != "study.nc":
-        return source
-    dataset = _read(source)
+def _packed_all(loaded: Loaded, named: list[str], results: Path, data: Path, aside: Path) -> dict[Path, Path]:
+    """What the gallery itself is to hold of gathered studies, by where it is to stand; what is not packed yet is in ``aside``."""
+    packed: dict[Path, Path] = {}
+    for name in named or loaded.studies:
+        folder = results / "studies" / name
+        if name in named and not (folder / "study.nc").exists():
+            raise LimoError(f"{folder / 'study.nc'}: not gathered yet; snakemake --cores 2 {name} does that")
+        if (folder / "study.nc").exists():
+            packed[data / f"{name}.nc"] = _pack(_read(folder / "study.nc"), aside / f"{name}.nc")
+        if (folder / "shapes.nc").exists():
+            packed[data / f"{name}_shapes.nc"] = folder / "shapes.nc"
+    if not named and (results / MATERIAL).exists():
+        packed[data / MATERIAL_KEPT] = results / MATERIAL
+    return packed
+
+
+def _packed_set(loaded: Loaded, named: list[str], results: Path, data: Path, aside: Path) -> dict[Path, Path]:
+    """The same of a set: the cases that are solved, and of the others those that it holds."""
+    packed: dict[Path, Path] = {}
+    plan = make_plan(loaded, results)
+    for name in named or loaded.studies:
+        if not any((results / "cases" / case_id / "status.json").exists() for case_id in plan.served[name].values()):
+            if name in named:
+                raise LimoError(f"{results}: no case of {name} is solved; snakemake --cores 2 {name} does that")
+            continue
+        kept = data / f"{name}.nc"
+        packed[kept] = _pack(_grown(loaded, name, plan, results, kept), aside / kept.name)
+    return packed
+
+
+def _grown(loaded: Loaded, name: str, plan: Plan, results: Path, kept: Path) -> xr.Dataset:
+    """A study's dataset of the cases that are solved, and of those that are ``kept``. Raises ``LimoError``."""
+    dataset = gather_study(loaded, name, results / "cases", [*plan.served[name].values()])
+    if not kept.exists():
+        return dataset
+    try:
+        return completed(dataset, _read(kept))
+    except ValueError as error:
+        raise LimoError(f"{kept}: {error}; remove the file to begin it anew") from None
+
+
+def _pack(dataset: xr.Dataset, target: Path) -> Path:
+    """Write a study's dataset with its curves packed."""
     curves = [n for n, v in dataset.data_vars.items() if v.size > 1000 and v.dtype.kind == "f"]
     write_netcdf(dataset, target, dict.fromkeys(curves, SQUEEZED), checked=False)
     return target
@@ -79,7 +114,8 @@ def _packed(source: Path, target: Path) -> Path:
 def draw(loaded: Loaded, studies: Iterable[str], gallery: Path, results: Path | None = None) -> list[Path]:
     """Draw the figures of studies (none: all that the gallery holds) from its data, and its page; returns the files.
 
-    Shapes that it does not hold are taken from ``results``; where there are none, their figures stay as they are.
+    Shapes that it does not hold are those of the cases in ``results``; a picture that is there stays as it is where these are
+    fewer than it shows.
 
     Raises ``LimoError`` for a study whose data are not there.
     """
@@ -91,21 +127,38 @@ def draw(loaded: Loaded, studies: Iterable[str], gallery: Path, results: Path | 
         style.close(drawn)
 
     for name in named or _kept(loaded, gallery):
-        dataset, shapes = _read(gallery / "data" / f"{name}.nc"), gallery / "data" / f"{name}_shapes.nc"
-        if results is not None and not shapes.exists():
-            shapes = results / "studies" / name / "shapes.nc"
-        study = loaded.studies[name]
+        dataset, study = _read(gallery / "data" / f"{name}.nc"), loaded.studies[name]
+        shapes = _shapes(loaded, name, gallery, results) if set(study.figures) & set(SHAPES) else None
         measured = read_measured(Path(study.measured)) if study.measured else None
         for figure in study.figures:
-            if figure in SHAPES and not shapes.exists():
+            file = f"{name}_{figure}.png"
+            surfaces = [shapes] if figure in SHAPES else []
+            if surfaces and (shapes is None or ((gallery / file).exists() and _bare(dataset, shapes))):
                 continue
-            surfaces = [_read(shapes)] if figure in SHAPES else []
-            add(f"{name}_{figure}.png", import_module(f"limo.figures.{figure}").draw(dataset, measured, *surfaces))
+            add(file, import_module(f"limo.figures.{figure}").draw(dataset, measured, *surfaces))
     if not named and (gallery / "data" / MATERIAL_KEPT).exists():
         add(MATERIAL_FIGURE, tensile_test.draw(_read(gallery / "data" / MATERIAL_KEPT)))
     page = gallery / PAGE
     write_whole(page, lambda path: path.write_text(_page(loaded, gallery), encoding="utf-8"))
     return [*files, page]
+
+
+def _shapes(loaded: Loaded, name: str, gallery: Path, results: Path | None) -> xr.Dataset | None:
+    """The shapes of a study, from the gallery or else from ``results``; None where neither has any."""
+    kept = gallery / "data" / f"{name}_shapes.nc"
+    if kept.exists():
+        return _read(kept)
+    if results is None:
+        return None
+    shapes = gather_shapes(
+        loaded, name, results / "cases", results / "meshes", [*make_plan(loaded, results).served[name].values()]
+    )
+    return shapes if (shapes.mesh_number >= 0).any() else None
+
+
+def _bare(dataset: xr.Dataset, shapes: xr.Dataset) -> bool:
+    """Whether a case of a study's dataset is usable, but has no shapes."""
+    return bool((style.first_branch(dataset).case_status.isin(USABLE) & (shapes.mesh_number < 0)).any())
 
 
 def make_gallery(
@@ -116,13 +169,36 @@ def make_gallery(
     Returns the files that were written. Raises ``LimoError`` for what ``keep`` and ``draw`` refuse, and for a set whose name
     is no plain word.
     """
+    loaded = _loaded(config_file, studies, part)
+    if redraw:
+        return draw(loaded, studies, gallery / part)
+    return [*keep(loaded, studies, results, gallery, part), *draw(loaded, studies, gallery / part, results)]
+
+
+def lacking_of_set(config_file: str, studies: list[str], results: Path, gallery: Path, part: str) -> list[str]:
+    """Files of the cases that neither ``results`` nor a set of the gallery holds, for snakemake to make.
+
+    ``studies`` (none: those that the configuration runs). Raises ``LimoError`` as ``make_gallery``, and without a set.
+    """
+    if not part:
+        raise LimoError(f"--lacking: of which set? for example limo gallery --set standard --lacking --config {config_file}")
+    loaded = _loaded(config_file, studies, part)
+    plan, wanted = make_plan(loaded, results), {}
+    for name in studies or loaded.config.studies:
+        dataset = _grown(loaded, name, plan, results, gallery / part / "data" / f"{name}.nc")
+        for case_id in dataset.case_id.values[absent(dataset).values].ravel():
+            file = "measures.nc" if case_id in plan.wanted else "status.json"
+            wanted[str(results / "cases" / case_id / file)] = None
+    return list(wanted)
+
+
+def _loaded(config_file: str, studies: list[str], part: str) -> Loaded:
+    """The configuration, which knows the studies that are named, for a set whose name is a plain word."""
     if part and (not part.isidentifier() or part == "data"):
         raise LimoError(f"--set {part}: a word of letters, digits and _ is wanted, and not data; for example --set standard")
     loaded = load_config(config_file)
     loaded.require(studies, config_file, _EXAMPLE)
-    if redraw:
-        return draw(loaded, studies, gallery / part)
-    return [*keep(loaded, studies, results, gallery, part), *draw(loaded, studies, gallery / part, results)]
+    return loaded
 
 
 def _kept(loaded: Loaded, gallery: Path) -> list[str]:

@@ -377,6 +377,43 @@ def test_a_preset_stands_for_mesh_numerics_and_engine_that_are_not_stated(folder
     assert (setting.mesh.level, setting.preset, setting.engine) == ("coarse", "fast", "calculix"), "what is stated comes on top"
 
 
+def test_a_configuration_says_what_it_has_otherwise_than_another(folder):
+    edit(folder / CONFIG, ("branches",), 2)
+    (folder / "other.yaml").write_text("extends: config.yaml\npreset: reference\n")
+    base, other = load_config(folder / CONFIG), load_config(folder / "other.yaml")
+    assert other.config.mesh_levels == base.config.mesh_levels
+    (setting,) = other.settings(other.studies["pressure_volume"]).values()
+    assert (setting.mesh.level, setting.engine) == ("fine", "newton"), "a preset takes the place of what it stands for"
+    assert other.branches_of(other.studies["pressure_volume"]) == 1
+    (folder / "other.yaml").write_text("extends: config.yaml\nlimits: {jump: 0.5}\n")
+    assert load_config(folder / "other.yaml").branches_of(other.studies["pressure_volume"]) == 2
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("extends: other.yaml", "other.yaml: extends"),
+        ("extends: ../config.yaml", "other.yaml: extends"),
+        ("extends: none.yaml", "none.yaml: (file)"),
+        ("extends: [config.yaml]", "other.yaml: extends"),
+        ("extends: config.yaml\npreset: exact", "other.yaml: preset"),
+        ("extends: config.yaml\npreset: standard\nmesh: {level: fine}", "other.yaml: preset"),
+    ],
+)
+def test_a_configuration_that_cannot_extend_another_is_refused(folder, text, message):
+    (folder / "other.yaml").write_text(text)
+    with pytest.raises(ConfigError) as error:
+        load_config(folder / "other.yaml")
+    assert message in str(error.value)
+
+
+def test_a_mistake_in_the_configuration_that_is_extended_names_that_file(folder):
+    edit(folder / CONFIG, ("colour",), "red")
+    (folder / "other.yaml").write_text("extends: config.yaml")
+    with pytest.raises(ConfigError, match=r"config\.yaml: colour"):
+        load_config(folder / "other.yaml")
+
+
 def test_a_preset_may_ask_for_branches_unless_a_study_does(folder):
     edit(folder / CONFIG, ("presets", "standard"), {"branches": 3})
     edit(folder / STUDY, ("preset",), "standard")

@@ -9,13 +9,16 @@ import xarray as xr
 import yaml
 
 from limo import gallery
+from limo.case import study_cases
 from limo.cli import main
 from limo.config import load_config
 from limo.dataset import gather_study
 from limo.errors import LimoError
-from limo.files import write_netcdf
+from limo.files import write_json, write_netcdf
 from limo.material import tensile_test
-from limo.shapes import gather_shapes, write_shapes
+from limo.shapes import gather_shapes
+
+from .test_dataset import history_of
 
 
 @pytest.fixture
@@ -58,7 +61,7 @@ def test_curves_are_kept_in_fewer_bytes_and_to_six_digits(project, root):
     curves = xr.load_dataset(root / "docs/gallery/data/afterload.nc")
     curves = curves.map(lambda v: v.astype(float) * (1 + 1e-9) if v.dtype.kind == "f" else v, keep_attrs=True)
     write_netcdf(curves.drop_encoding(), source, checked=False)
-    assert gallery._packed(source, target) == target
+    assert gallery._pack(xr.load_dataset(source), target) == target
     assert target.stat().st_size < 0.8 * source.stat().st_size
     kept = xr.load_dataset(target)
     assert kept.stroke_volume.dtype == "float32"
@@ -87,28 +90,83 @@ def test_figures_come_from_the_gallery_alone(project):
     assert figure.read_bytes() == drawn
 
 
-def test_a_set_stands_in_a_folder_of_its_own_without_surfaces(project, capsys):
-    study = yaml.safe_load((project / "config/studies/one.yaml").read_text())
-    shapes = project / "results/studies/one/shapes.nc"
-    (project / "config/studies/one.yaml").write_text(yaml.safe_dump(study | {"figures": ["pressure_volume", "deformation"]}))
-    write_shapes(gather_shapes(load_config("config/config.yaml"), "one", project / "cases", project / "meshes"), shapes)
+def solve(project, branch, **changes):
+    """Put a result of one branch of the study into the project's results; ``changes`` to its status."""
+    (case,) = (c for key, c in study_cases(load_config("config/config.yaml"), "one").items() if key[-1] == branch)
+    folder = project / "results/cases" / case.case_id
+    folder.mkdir(parents=True)
+    history_of(case).to_netcdf(folder / "volumes.nc")
+    write_json(folder / "status.json", {"status": "converged", "reason": "", "iterations": 100 + branch} | changes)
+    return folder
+
+
+@pytest.fixture
+def branches(project):
+    """The project with three branches of the case, and a picture of surfaces among the figures of the study."""
+    file = project / "config/studies/one.yaml"
+    study = yaml.safe_load(file.read_text())
+    file.write_text(yaml.safe_dump(study | {"branches": 3, "figures": ["pressure_volume", "deformation"]}))
+    return project
+
+
+def test_a_set_grows_by_the_cases_that_are_solved_wherever_that_was(branches, capsys):
+    first = solve(branches, 0)
     assert main(["gallery", "--set", "standard"]) == 0
-    made, picture = project / "docs/gallery/standard", "one_deformation.png"
-    assert [f.name for f in (made / "data").iterdir()] == ["one.nc"]
-    drawn = (made / picture).read_bytes()
-    page = (made / "README.md").read_text()
-    assert f"({picture})" in page
-    assert "Surfaces are not among these data" in page
-    (made / "one_pressure_volume.png").unlink()
-    assert main(["gallery", "--set", "standard", "--redraw"]) == 0
-    assert (made / picture).read_bytes() == drawn, "what cannot be drawn again stays"
-    assert (made / "one_pressure_volume.png").exists()
+    made = branches / "docs/gallery/standard"
+    assert sorted(f.name for f in (made / "data").iterdir()) == ["one.nc", "pressure_volume.nc"], "no surfaces"
+    assert xr.load_dataset(made / "data/one.nc").case_status.values.ravel().tolist() == ["converged", "missing", "missing"]
+    before = xr.load_dataset(made / "data/one.nc")
+    shutil.rmtree(branches / "results")  # another machine
+    solve(branches, 2, status="diverged", reason="no equilibrium")
+    assert main(["gallery", "--set", "standard"]) == 0
+    kept = xr.load_dataset(made / "data/one.nc")
+    assert kept.case_status.values.ravel().tolist() == ["converged", "missing", "diverged"]
+    xr.testing.assert_identical(kept.isel(branch=0).drop_vars("branch"), before.isel(branch=0).drop_vars("branch"))
+    assert kept.iterations.values.ravel()[[0, 2]].tolist() == [100, 102]
+    assert (kept.stroke_volume.isel(branch=2, actuation_pressure=-1) == 120.0).all()
+    assert kept.stroke_volume.attrs == {"units": "ml", "long_name": before.stroke_volume.long_name}
+    capsys.readouterr()
+    assert main(["gallery", "one", "--set", "standard", "--lacking"]) == 0
+    (lacks,) = capsys.readouterr().out.split()
+    assert lacks.endswith("/status.json")
+    assert first.name not in lacks, "it is in the set"
+
+
+def test_a_set_of_another_configuration_is_not_mixed_with_this_one(branches, capsys):
+    solve(branches, 0)
+    assert main(["gallery", "--set", "standard"]) == 0
+    kept = (branches / "docs/gallery/standard/data/one.nc").read_bytes()
+    file = branches / "config/studies/one.yaml"
+    file.write_text(file.read_text().replace("actuation_pressure_max: 60", "actuation_pressure_max: 50"))
+    solve(branches, 1)
+    assert main(["gallery", "--set", "standard"]) == 1
+    assert "standard/data/one.nc: gathered with another configuration; remove the file" in capsys.readouterr().err
+    assert (branches / "docs/gallery/standard/data/one.nc").read_bytes() == kept
+
+
+def test_a_picture_stays_where_fewer_cases_would_be_seen(branches, monkeypatch):
+    solve(branches, 0)
+    monkeypatch.setattr(gallery, "_shapes", lambda loaded, *_: gather_shapes(loaded, "one", branches, branches))
+    assert main(["gallery", "--set", "standard"]) == 0
+    made = branches / "docs/gallery/standard"
+    assert "(one_deformation.png)" in (made / "README.md").read_text()
+    assert "Surfaces are not among these data" in (made / "README.md").read_text()
+    for file in made.glob("*.png"):
+        file.write_bytes(b"as it was")
+    assert main(["gallery", "--set", "standard"]) == 0
+    assert (made / "one_deformation.png").read_bytes() == b"as it was", "its case has no shapes now"
+    assert (made / "one_pressure_volume.png").read_bytes() != b"as it was"
     assert main(["gallery"]) == 0
-    page = (project / "docs/gallery/README.md").read_text()
-    assert "[standard](standard/README.md)" in page
-    assert "Surfaces are not" not in page
+    assert "[standard](standard/README.md)" in (branches / "docs/gallery/README.md").read_text()
+
+
+def test_a_set_that_cannot_be_is_one_message(project, capsys):
     assert main(["gallery", "--set", "../x"]) == 1
     assert "--set standard" in capsys.readouterr().err
+    assert main(["gallery", "one", "--set", "standard"]) == 1
+    assert "no case of one is solved; snakemake --cores 2 one" in capsys.readouterr().err
+    assert main(["gallery", "--lacking"]) == 1
+    assert "of which set" in capsys.readouterr().err
 
 
 def test_what_the_error_studies_keep_does_not_count(project, monkeypatch):
@@ -118,6 +176,7 @@ def test_what_the_error_studies_keep_does_not_count(project, monkeypatch):
     monkeypatch.setattr(gallery, "LARGEST_DATA", 150_000)
     gallery.keep(loaded, [], project / "results", folder)
     monkeypatch.setattr(gallery, "LARGEST_DATA", 60_000)
+    solve(project, 0)
     with pytest.raises(LimoError, match="is the most"):
         gallery.keep(loaded, [], project / "results", folder, "standard")
     assert not (folder / "standard").exists()
