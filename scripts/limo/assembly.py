@@ -29,7 +29,7 @@ from limo.model import KPA, Model, reduction, scatter
 class Assembly:
     """A model's residual and tangent; everything that does not change is computed once.
 
-    ``indptr``, ``indices``: pattern of the upper triangle of the tangent in rows; ``size`` free displacements.
+    ``indptr``, ``indices``: pattern of the upper triangle of the tangent in rows; ``size`` free displacements, of ``nodes``.
     """
 
     def __init__(self, model: Model):
@@ -63,6 +63,8 @@ class Assembly:
         self._free = np.full(3 * len(model.nodes), -1)
         self._factor = np.zeros(3 * len(model.nodes))
         self._free[~held], self._factor[~held] = columns.indices, columns.data
+        self.nodes = np.zeros(self.size, int)
+        self.nodes[columns.indices[::-1]] = np.flatnonzero(~held)[::-1] // 3
         self.prescribed = np.zeros((len(model.nodes), 3))
         for (n, d), value in model.prescribed.items():
             self.prescribed[n, d] = value

@@ -12,7 +12,7 @@ from scipy.sparse import csr_array, random_array, triu
 from scipy.sparse.linalg import spsolve
 
 from limo.engines import pardiso
-from limo.engines.pardiso import FactorisationError, SymmetricSolver, set_threads
+from limo.engines.pardiso import FactorisationError, SymmetricSolver, elimination_order, set_threads
 
 ROOT = Path(__file__).parents[2]
 SIZE = 120
@@ -68,6 +68,47 @@ def test_a_solver_of_definite_matrices_tells_them_from_others_and_goes_on():
         if least > 0:
             np.testing.assert_allclose(full @ definite.solve(right), right, atol=1e-9)
     definite.close()
+
+
+def plate(count: int) -> tuple[csr_array, np.ndarray]:
+    """A stiff matrix of three unknowns at each of ``count`` x ``count`` nodes, coupled to the eight around; their nodes."""
+    line = np.eye(count) + np.eye(count, k=1) + np.eye(count, k=-1)
+    coupled = csr_array(np.kron(np.kron(line, line), np.ones((3, 3))))
+    mixed = np.random.default_rng(4).permutation(3 * count**2)
+    return csr_array(coupled + 30.0 * csr_array(np.eye(3 * count**2)))[mixed][:, mixed], mixed // 3
+
+
+def test_an_order_by_groups_keeps_groups_together_and_is_the_same_again():
+    full, node = plate(8)
+    part = upper(full)
+    order = elimination_order(part.indptr, part.indices, node)
+    assert sorted(order) == list(range(len(node)))
+    assert (node[order].reshape(-1, 3) == node[order][::3, None]).all()
+    assert np.array_equal(order, elimination_order(part.indptr, part.indices, node))
+    assert np.array_equal(order, elimination_order(full.indptr, full.indices, node)), "one triangle or both"
+
+
+def test_an_order_by_groups_takes_less_than_one_by_unknowns_and_solves_the_same():
+    full, node = plate(40)
+    part, right = upper(full), np.random.default_rng(5).normal(size=full.shape[0])
+    memory = []
+    for groups in (None, node):
+        made = SymmetricSolver(part.indptr, part.indices, definite=True, groups=groups)
+        assert made.factorise(part.data) == 0
+        np.testing.assert_allclose(full @ made.solve(right), right, atol=1e-9)
+        memory.append(made._parameters[16])
+        made.close()
+    assert memory[1] < memory[0]
+
+
+@pytest.mark.parametrize("groups", [[0, 0, 0], [0, 1, 2]])
+def test_groups_without_neighbours_have_an_order(groups):
+    part = csr_array(np.diag([1.0, 2.0, 4.0]))
+    assert sorted(elimination_order(part.indptr, part.indices, np.array(groups))) == [0, 1, 2]
+    made = SymmetricSolver(part.indptr, part.indices, definite=True, groups=np.array(groups))
+    made.factorise(part.data)
+    np.testing.assert_allclose(made.solve(np.ones(3)), [1.0, 0.5, 0.25])
+    made.close()
 
 
 def test_one_analysis_serves_other_values_of_the_same_pattern(solver):

@@ -157,7 +157,7 @@ class _Run:
     def __init__(self, model: Model, settings: Newton, deadline: float):
         self.model, self.settings, self.deadline = model, settings, deadline
         self.assembly = Assembly(model)
-        self.solver = SymmetricSolver(self.assembly.indptr, self.assembly.indices, definite=True)
+        self.solver = SymmetricSolver(self.assembly.indptr, self.assembly.indices, definite=True, groups=self.assembly.nodes)
         length = model.case.device.pattern.length
         self.largest, self.rejected = settings.largest_step * length, settings.rejected_step * length
         self.state = _State(np.zeros(self.assembly.size), shift=settings.first_shift)
