@@ -22,6 +22,7 @@ import xarray as xr
 from limo.config import Loaded, load_config
 from limo.cost import duration
 from limo.dataset import absent, completed, gather_study
+from limo.engines.find import find_engines
 from limo.errors import LimoError
 from limo.figures import SHAPES, style, tensile_test
 from limo.figures.measured import read_measured
@@ -172,6 +173,8 @@ def make_gallery(
     loaded = _loaded(config_file, studies, part)
     if redraw:
         return draw(loaded, studies, gallery / part)
+    if part:
+        find_engines(loaded, config_file)  # their builds are in the names of cases
     return [*keep(loaded, studies, results, gallery, part), *draw(loaded, studies, gallery / part, results)]
 
 
@@ -183,6 +186,7 @@ def lacking_of_set(config_file: str, studies: list[str], results: Path, gallery:
     if not part:
         raise LimoError(f"--lacking: of which set? for example limo gallery --set standard --lacking --config {config_file}")
     loaded = _loaded(config_file, studies, part)
+    find_engines(loaded, config_file)
     plan, wanted = make_plan(loaded, results), {}
     for name in studies or loaded.config.studies:
         dataset = _grown(loaded, name, plan, results, gallery / part / "data" / f"{name}.nc")

@@ -13,6 +13,7 @@ from limo.case import study_cases
 from limo.cli import main
 from limo.config import load_config
 from limo.dataset import gather_study
+from limo.engines.find import find_engines
 from limo.errors import LimoError
 from limo.files import write_json, write_netcdf
 from limo.material import tensile_test
@@ -92,7 +93,9 @@ def test_figures_come_from_the_gallery_alone(project):
 
 def solve(project, branch, **changes):
     """Put a result of one branch of the study into the project's results; ``changes`` to its status."""
-    (case,) = (c for key, c in study_cases(load_config("config/config.yaml"), "one").items() if key[-1] == branch)
+    loaded = load_config("config/config.yaml")
+    find_engines(loaded, "config/config.yaml")
+    (case,) = (c for key, c in study_cases(loaded, "one").items() if key[-1] == branch)
     folder = project / "results/cases" / case.case_id
     folder.mkdir(parents=True)
     history_of(case).to_netcdf(folder / "volumes.nc")
@@ -171,6 +174,7 @@ def test_a_set_that_cannot_be_is_one_message(project, capsys):
 
 def test_what_the_error_studies_keep_does_not_count(project, monkeypatch):
     loaded, folder = load_config("config/config.yaml"), project / "gallery"
+    find_engines(loaded, "config/config.yaml")
     (folder / "data").mkdir(parents=True)
     (folder / "data/accuracy.nc").write_bytes(bytes(200_000))
     monkeypatch.setattr(gallery, "LARGEST_DATA", 150_000)
