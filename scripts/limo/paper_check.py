@@ -330,15 +330,17 @@ STATEMENTS = (
 def check(datasets: Mapping[str, xr.Dataset]) -> pd.DataFrame:
     """One row a statement from the datasets of studies by name; a statement whose study is not among them has no verdict.
 
-    Numbers and verdicts are those of the first branch. Where studies have several, ``branches`` counts those with that verdict.
+    Numbers and verdicts are those of the first branch. Where studies have several, ``branches`` counts those with that verdict,
+    of those of which every case was solved.
     """
     rows = []
     for statement in STATEMENTS:
         found = [("-", "no data")]
         if statement.study in datasets:
             dataset = datasets[statement.study]
-            branches = [dataset.sel(branch=b) for b in dataset.branch] if "branch" in dataset.dims else [dataset]
-            found = [_judged(statement, branch) for branch in branches]
+            first, *others = [dataset.sel(branch=b) for b in dataset.branch] if "branch" in dataset.dims else [dataset]
+            whole = [branch for branch in others if not (branch.case_status == "missing").any()]
+            found = [_judged(statement, branch) for branch in (first, *whole)]
         ours, verdict = found[0]
         rows.append(
             {

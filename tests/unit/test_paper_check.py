@@ -191,6 +191,9 @@ def test_branches_with_the_verdict_of_the_first_are_counted(data):
     assert rows.loc["efficiency falls with N_p", "branches"] == "2 of 3"
     assert rows.loc["less in, more out: the ratio exceeds one for all devices", "branches"] == "3 of 3"
     assert rows.loc["peak stress depends weakly on P_v", "branches"] == "1 of 1"
+    together.case_status[{d: 0 for d in together.case_status.dims} | {"branch": 2}] = "missing"
+    rows = table(data | {"afterload": together})
+    assert rows.loc["efficiency falls with N_p", "branches"] == "1 of 2", "the third is not solved yet"
 
 
 def test_what_was_not_run_has_no_verdict(data):
