@@ -152,6 +152,7 @@ def make_parser() -> argparse.ArgumentParser:
     says = "test the paper's statements on the datasets of the studies; write the table and a page of it"
     with command(_paper_check, "paper-check", says, "", "--data docs/gallery/data") as made:
         made.add_argument("--data", type=Path, default=Path("results/studies"), help="folder of datasets (default: %(default)s)")
+        made.add_argument("--beside", type=Path, metavar="DATA", help="other datasets, whose verdicts get a column")
         made.add_argument("--table", type=Path, default=Path("results/paper_check.csv"), help="default: %(default)s")
         made.add_argument("--page", type=Path, default=Path("results/paper_check.md"), help="default: %(default)s")
     says = "keep the datasets of studies in the gallery, and draw its figures and its page from them"
@@ -350,7 +351,7 @@ def _performance(chosen: argparse.Namespace) -> None:
 def _paper_check(chosen: argparse.Namespace) -> None:
     from limo.paper_check import write_check
 
-    print(f"{write_check(chosen.data, chosen.table, chosen.page)}: {chosen.table}, {chosen.page}")
+    print(f"{write_check(chosen.data, chosen.table, chosen.page, chosen.beside)}: {chosen.table}, {chosen.page}")
 
 
 def _gallery(chosen: argparse.Namespace) -> None:

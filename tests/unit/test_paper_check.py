@@ -240,6 +240,20 @@ def test_the_command_writes_a_table_and_a_page(data, tmp_path, capsys):
     assert write_check(tmp_path, tmp_path / "check.csv", tmp_path / "check.md").startswith("26")
 
 
+def test_another_set_has_its_verdicts_beside(data, tmp_path):
+    coarse = data["afterload"].assign(efficiency_90ml=0.0 * data["afterload"].efficiency_90ml + 0.95)
+    for folder, datasets in (("fine", data), ("coarse", {"afterload": coarse})):
+        (tmp_path / folder).mkdir()
+        for name, dataset in datasets.items():
+            dataset.to_netcdf(tmp_path / folder / f"{name}.nc")
+    table, beside = tmp_path / "check.csv", tmp_path / "coarse"
+    assert write_check(tmp_path / "fine", table, tmp_path / "check.md", beside).startswith("26 reproduced")
+    rows = pd.read_csv(table).set_index("statement")
+    assert rows.loc["efficiencies at 90 ml", str(beside)].startswith("not: 0 of 12")
+    assert rows.loc["inside, it runs about at right angles to that", str(beside)] == "no data: -"
+    assert f"--beside {beside}" in (tmp_path / "check.md").read_text()
+
+
 def test_a_damaged_dataset_is_one_message(tmp_path):
     (tmp_path / "afterload.nc").write_bytes(b"no netCDF")
     with pytest.raises(LimoError, match=r"afterload\.nc"):
