@@ -72,8 +72,8 @@ class SymmetricSolver:
     ``indptr`` (n + 1,), ``indices``: rows of the upper triangle, diagonal included, columns rising, counted from zero.
     ``definite``: only positive definite matrices are wanted, and the first negative pivot ends a factorisation; it takes a
     quarter less time. ``groups`` (n,): unknowns that share their neighbours, such as the displacements of a node; with them the
-    order of elimination is found on the graph of groups, where nested dissection finds better separators (a quarter fewer
-    operations). Raises ``FactorisationError``.
+    order of elimination is found on the graph of groups, where nested dissection finds better separators. Raises
+    ``FactorisationError``.
     """
 
     def __init__(self, indptr: np.ndarray, indices: np.ndarray, *, definite: bool = False, groups: np.ndarray | None = None):
