@@ -6,6 +6,7 @@ A part of the report is a function that returns markdown; ``report`` puts the pa
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -13,12 +14,15 @@ import pandas as pd
 import xarray as xr
 
 from limo.config import Airbag, load_config
-from limo.device_errors import exponent, read_errors
+from limo.device_errors import add_errors, exponent, read_errors, write_errors
 from limo.device_report import device_report
+from limo.device_runs import error_studies
+from limo.engines.find import find_engines
 from limo.errors import ResultError
-from limo.figures import AIRBAG_FIGURES, DEVICE_FIGURES
+from limo.figures import AIRBAG_FIGURES, DEVICE_FIGURES, style
 from limo.files import write_whole
 from limo.markdown import markdown_table, number, read_rows, signed_percent
+from limo.plan import CROSS_CHECK, make_plan
 
 #: columns that name a run of an airbag
 AIRBAG_KEYS = ["airbag", "series", "element", "engine", "planes", "path", "divisions"]
@@ -45,6 +49,26 @@ def report(table: Path, errors: Path, config_file: str) -> str:
     parts = [head, device_report(measured, loaded.config.presets), *_pictures(gallery, DEVICE_FIGURES)]
     pictures = {name: _pictures(gallery, [f"{name}_{figure}" for figure in AIRBAG_FIGURES]) for name in loaded.airbags}
     return "\n\n".join([*parts, airbag_report(read_airbags(table), loaded.airbags, pictures)]) + "\n"
+
+
+def add_to(errors: Path, results: Path, config_file: str) -> list[Path]:
+    """Add the rows of the error studies' runs that are solved in ``results`` to the kept ones, and draw the figures of all anew.
+
+    Returns the files that were written. Raises ``LimoError``.
+    """
+    loaded = load_config(config_file)
+    find_engines(loaded, config_file)
+    served = make_plan(loaded, results).served
+    sources = {name: [i for key, i in served[name].items() if key[0] != CROSS_CHECK] for name in error_studies(loaded)}
+    dataset, files = add_errors(loaded, results, errors, sources), [errors]
+    write_errors(dataset, errors)
+    dataset = read_errors(errors)
+    for name in DEVICE_FIGURES:
+        files.append(errors.parent.parent / f"{name}.png")
+        drawn = import_module(f"limo.figures.{name}").draw(dataset, None)
+        write_whole(files[-1], lambda path, drawn=drawn: style.save(drawn, path))
+        style.close(drawn)
+    return files
 
 
 def _pictures(gallery: Path, names: Sequence[str]) -> list[str]:

@@ -193,7 +193,12 @@ def make_parser() -> argparse.ArgumentParser:
         for part in (recorded, paths, reported):
             part.add_argument("--data", type=Path, default=Path("docs/data"), help="folder of the tables (default: %(default)s)")
     says = "print the report of measured errors from the tables that `snakemake accuracy` keeps"
-    with command(_accuracy, "accuracy", says, "> docs/accuracy.md") as made:
+    with command(_accuracy, "accuracy", says, "> docs/accuracy.md", "--add") as made:
+        made.add_argument(
+            "--add",
+            action="store_true",
+            help="print nothing, but add the runs of error studies that are solved to the kept rows, and draw their figures",
+        )
         made.add_argument(
             "--table", type=Path, default=Path("docs/gallery/data/airbag.csv"), help="rows of the airbags (default: %(default)s)"
         )
@@ -201,6 +206,7 @@ def make_parser() -> argparse.ArgumentParser:
             "--errors", type=Path, default=Path("docs/gallery/data/accuracy.nc"), help="rows of the device (default: %(default)s)"
         )
         _config(made)
+        _results(made)
     says = "delete what no study uses and what killed solvers left; without --yes only say what and how much that is"
     with command(
         _clean, "clean", says, "", "leftovers --yes", "cases --config config/config.yaml config/levers/config.yaml"
@@ -392,9 +398,12 @@ def _reliability(chosen: argparse.Namespace) -> None:
 
 
 def _accuracy(chosen: argparse.Namespace) -> None:
-    from limo.accuracy import report
+    from limo.accuracy import add_to, report
 
-    print(report(chosen.table, chosen.errors, chosen.config), end="")
+    if chosen.add:
+        print(*add_to(chosen.errors, chosen.results, chosen.config), sep="\n")
+    else:
+        print(report(chosen.table, chosen.errors, chosen.config), end="")
 
 
 def _clean(chosen: argparse.Namespace) -> None:

@@ -17,7 +17,7 @@ import xarray as xr
 
 from limo.case import Case
 from limo.config import Loaded, Numerics
-from limo.device_runs import SECTION, Run, Surface, devices, packed, padded, runs_of, stacked
+from limo.device_runs import PARTS, SECTION, Run, Surface, devices, packed, padded, runs_of, stacked
 from limo.errors import ResultError
 from limo.files import UNREADABLE, write_netcdf
 from limo.overhead import processor
@@ -179,7 +179,10 @@ TEXT = {
     "element": "element of the fabric",
     "status": "how the solve ended",
     "reason": "why",
+    "machine": "processor of the machine that solved it",
 }
+#: what tells rows from each other
+_KEY = ("device", "part", "kind", "setting", "branch")
 #: numbers in a row besides errors: units, meaning
 NUMBERS = {
     "branch": ("1", "0 for the flat state as it is, else the seed of a tiny perturbation of it"),
@@ -250,6 +253,52 @@ def gather_errors(loaded: Loaded, results: Path, folder: Path, sources: Mapping[
     )
 
 
+def joined(dataset: xr.Dataset, earlier: xr.Dataset) -> xr.Dataset:
+    """The rows of a dataset, and of an earlier one those that it lacks; sizes of the earlier one where there are none now."""
+    own = {*_keys(dataset)}
+    stay = [k for k, key in enumerate(_keys(earlier)) if key not in own]
+    parts = [_pieces(earlier, stay), _pieces(dataset, range(dataset.sizes["run"]))]
+    frames = max(part.sizes["frame"] for part in parts)
+    rows = xr.concat(
+        [part.pad(frame=(0, frames - part.sizes["frame"])) for part in parts],
+        "run", data_vars="all", coords="minimal", compat="override", join="outer", combine_attrs="drop",
+    )  # fmt: skip
+    keys = _keys(rows)
+    devices = list(dict.fromkeys(key[0] for key in keys))
+    order = sorted(range(len(keys)), key=lambda k: (devices.index(keys[k][0]), keys[k][2] == "run", PARTS.index(keys[k][1]), k))
+    cuts = {key: cut for part, of in ((earlier, stay), (dataset, None)) for key, cut in _cuts(part, of).items()}
+    rows = rows.isel(run=order)
+    shown = [k for k, key in enumerate(_keys(rows)) if key in cuts]
+    found = stacked([cuts[_keys(rows)[k]] for k in shown], frames)
+    sizes = dataset if dataset.size_engine.size else earlier
+    rows = rows.assign(
+        section_run=("section", np.array(shown, float)),
+        sections=(("section", "frame", "segment", "end", "plane"), found),
+        **{name: sizes[name] for name in sizes.data_vars if name.startswith("size_")},
+    )
+    return _described(rows).assign_attrs(dataset.attrs)
+
+
+def _keys(dataset: xr.Dataset) -> list[tuple]:
+    """What tells each row from others."""
+    return list(zip(*(dataset[name].values.tolist() for name in _KEY), strict=True))
+
+
+def _pieces(dataset: xr.Dataset, rows: Sequence[int]) -> xr.Dataset:
+    """Rows of a dataset, with all that belongs to one row alone."""
+    return dataset[[n for n, v in dataset.data_vars.items() if "run" in v.dims]].isel(run=list(rows))
+
+
+def _cuts(dataset: xr.Dataset, rows: Sequence[int] | None) -> dict[tuple, tuple[np.ndarray, ...]]:
+    """The sections of rows (none: of all) by what tells them from others, frame by frame without what pads them."""
+    keys = _keys(dataset)
+    return {
+        keys[k]: tuple(frame[np.isfinite(frame).all(axis=(1, 2))] for frame in cut)
+        for k, cut in zip(dataset.section_run.values.astype(int), dataset.sections.values, strict=True)
+        if rows is None or k in rows
+    }
+
+
 def _ensembles(runs: Sequence[Run]) -> list[list[Run]]:
     """The converged runs of each mesh of the reference and of the scatter."""
     found: dict[tuple[str, str], list[Run]] = {}
@@ -310,6 +359,7 @@ def _row(loaded: Loaded, device: str, run: Run, kind: str, errors: dict[str, flo
         "element": run.case.mesh.element,
         "status": str(values.case_status.values),
         "reason": str(values.case_reason.values),
+        "machine": str(values.machine.values) if "machine" in values else processor(),
         "branch": run.branch,
         "members": len(members),
         "grading": run.case.mesh_level.grading,
@@ -328,6 +378,12 @@ def _row(loaded: Loaded, device: str, run: Run, kind: str, errors: dict[str, flo
         "memory_mib": float(np.mean([m.values.solver_memory for m in members])),
         **{f"error_{name}": value for name, value in errors.items()},
     }
+
+
+def add_errors(loaded: Loaded, results: Path, file: Path, sources: Mapping[str, Sequence[str]]) -> xr.Dataset:
+    """The rows of the runs that are solved in ``results`` and, of those that are not, the ones that ``file`` has."""
+    dataset = gather_errors(loaded, results, file.parent, sources)
+    return joined(dataset, read_errors(file)) if file.exists() else dataset
 
 
 def write_errors(dataset: xr.Dataset, file: Path) -> None:

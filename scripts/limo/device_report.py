@@ -65,11 +65,11 @@ def device_report(dataset: xr.Dataset | None, presets: dict[str, Preset]) -> str
     if dataset is None:
         return "\n\n".join([*parts, _TO_MEASURE, markdown_table(_presets(None, presets)), _answers({})])
     rows = rows_of(dataset)
-    builds = ", ".join(sorted(set(rows.build[rows.build != ""])))
+    builds, machines = (", ".join(sorted(set(rows[name][rows[name] != ""]))) for name in ("build", "machine"))
     parts.append(
         "CPU seconds of one thread by the operating system's accounting, two cases side by side. `timed` is how many solves they "
-        "are the median of; a case of less than a minute is solved again for that. Machine and builds: "
-        f"{dataset.attrs['machine']}; {builds}."
+        "are the median of; a case of less than a minute is solved again for that. Machines and builds: "
+        f"{machines}; {builds}." + " Seconds of different machines are not to be compared." * ("," in machines)
     )
     names = list(dict.fromkeys(rows.device))
     parts += ["### Presets", markdown_table(pd.concat([_presets(rows[rows.device == name], presets, name) for name in names]))]
@@ -103,8 +103,8 @@ def _presets(rows: pd.DataFrame | None, presets: dict[str, Preset], device: str 
 
 
 def _settings(rows: pd.DataFrame) -> pd.DataFrame:
-    """A line a run, the scatter of both ensembles first."""
-    table = []
+    """A line a run, the scatter of both ensembles first; with the machine where there are several."""
+    table, several = [], rows.machine.nunique() > 1
     for row in rows.sort_values("kind", ascending=False, kind="stable").itertuples():
         what = row.setting if row.kind == "run" else f"{row.kind} of {row.setting}"
         line = {
@@ -122,7 +122,7 @@ def _settings(rows: pd.DataFrame) -> pd.DataFrame:
         line["timed"] = number(row.timed, 0)
         line["iterations"] = number(row.iterations, 0)
         line["memory [MiB]"] = number(row.memory_mib, 0)
-        table.append(line)
+        table.append(line | ({"machine": row.machine} if several else {}))
     return pd.DataFrame(table)
 
 
@@ -251,7 +251,16 @@ def _shells(dataset: xr.Dataset, rows: pd.DataFrame) -> str:
             lines.append(
                 f"S8R against bricks of the full device by {bricks.iloc[0].engine}: {_compared(dataset, reduced, bricks.iloc[0])}"
             )
-    return _with_scatter([*lines, *_against_default(dataset, settings, "element")], rows)
+    lines += _against_default(dataset, settings, "element")
+    for _, run in settings[settings.varied == "level, element"].iterrows():
+        if (base := _first(settings, level=run.level, varied="level", engine=run.engine)) is not None:
+            found = differences(dataset, run.name, base.name)
+            lines.append(
+                f"{run.element} against {base.element} on `{run.level}` with {run.engine}: volumes {_percent(found['volumes'])}, "
+                f"stroke {signed_percent(found['stroke'])}, stress {signed_percent(found['stress'])}; off the reference by "
+                f"{_error(run, 'error_stroke', rows)} and {_error(base, 'error_stroke', rows)} in stroke"
+            )
+    return _with_scatter(lines, rows)
 
 
 def _damping(dataset: xr.Dataset, rows: pd.DataFrame) -> str:

@@ -196,11 +196,8 @@ def runs_of(loaded: Loaded, device: str, results: Path, kept: Path, sources: Map
             continue
         if part in KEPT_PARTS:
             runs += read_runs(loaded, name, kept_file(kept, name))
-        elif (file := results / "studies" / name / "study.nc").exists():
-            try:
-                dataset = xr.load_dataset(file)
-            except UNREADABLE as error:
-                raise ResultError(f"{file}: not the dataset of a study ({error})") from None
+        elif any((results / "cases" / source / "status.json").exists() for source in sources[name]):
+            dataset = gather_study(loaded, name, results / "cases", sources[name])
             runs += _runs_in(loaded, name, dataset, results, sources[name])
     return runs
 

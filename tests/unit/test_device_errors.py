@@ -23,6 +23,7 @@ from limo.device_errors import (
     errors_of,
     exponent,
     gather_errors,
+    joined,
     mean_of,
     pareto,
     preset_of,
@@ -324,6 +325,43 @@ def test_rows_survive_their_file(gathered, tmp_path):
     gathered.drop_vars("cpu_seconds").to_netcdf(tmp_path / "other.nc")
     with pytest.raises(ResultError, match="no variables cpu_seconds"):
         read_errors(tmp_path / "other.nc")
+
+
+def test_rows_that_are_measured_later_join_the_kept_ones(gathered, loaded, monkeypatch, tmp_path):
+    runs = device_errors.runs_of(loaded, "np4")
+    reference = [run for run in runs if run.part == "reference"]
+    (newton,) = (run for run in runs if run.variant == "newton")
+    fuller = replace(newton.case, mesh=Mesh(level="paper", element="C3D20"))
+    longer = replace(newton.surface, pressure=np.array([0.0, 30.0, 60.0]), height=np.array([0.0, 0.05, 0.1]))
+    later = [replace(newton, surface=replace(longer, sections=(*newton.surface.sections, np.ones((1, 2, 2)))))]
+    later.append(replace(newton, case=fuller, variant="fuller", values=newton.values.assign(machine="another machine")))
+    monkeypatch.setattr(device_errors, "runs_of", lambda loaded, device, *_: [*reference, *later] if device == "np4" else [])
+    both = joined(gather_errors(loaded, tmp_path, None, {}), gathered)
+    named = [(part, kind, setting, branch) for _, part, kind, setting, branch in device_errors._keys(both)]
+    before = [(part, kind, setting, branch) for _, part, kind, setting, branch in device_errors._keys(gathered)]
+    assert len(set(named)) == len(named) == len(before) + 1
+    assert set(named) - set(before) == {("accuracy", "run", "fuller", 0.0)}
+    kinds = [kind for _, kind, _, _ in named]
+    assert kinds == sorted(kinds, key=lambda kind: kind == "run"), "ensembles first"
+    for name in ("error_stress", "stroke_volume", "cpu_seconds", "frame_height"):
+        for row, key in enumerate(before):
+            if name in gathered and key[2] != "newton":
+                found = both[name].values[named.index(key)]
+                np.testing.assert_array_equal(found[: gathered[name][row].size] if found.ndim else found, gathered[name][row])
+    assert both.machine.values[named.index(("accuracy", "run", "fuller", 0.0))] == "another machine"
+    row = named.index(("accuracy", "run", "newton", 0.0))
+    assert both.frame_pressure.values[row].tolist() == [0.0, 30.0, 60.0], "the later one"
+    shown = {named[int(k)]: cut for k, cut in zip(both.section_run, both.sections.values, strict=True)}
+    assert np.isfinite(shown["accuracy", "run", "newton", 0.0]).sum() == 8 + 4
+    assert set(shown) == {before[int(k)] for k in gathered.section_run}
+    for k, cut in zip(gathered.section_run, gathered.sections.values, strict=True):
+        if (key := before[int(k)])[2] != "newton":
+            np.testing.assert_array_equal(shown[key][: len(cut), : cut.shape[1]], cut)
+    assert both.size_engine.values.tolist() == gathered.size_engine.values.tolist()
+    write_errors(both, tmp_path / "both.nc")
+    report = device_report(read_errors(tmp_path / "both.nc"), loaded.config.presets)
+    assert "C3D20 against C3D20R on `paper` with newton: volumes 7." in report
+    assert "Seconds of different machines are not to be compared" in report
 
 
 def test_rows_say_what_ran_and_how_wrong_it_is(gathered):
