@@ -23,6 +23,7 @@ from limo.device_errors import (
     settings_of,
     sizes_of,
 )
+from limo.judge import USABLE
 from limo.markdown import markdown_table, number, signed_percent
 
 NOT_MEASURED = "not measured"
@@ -214,8 +215,8 @@ def differences(dataset: xr.Dataset, run: int, other: int) -> dict[str, float]:
 def _compared(dataset: xr.Dataset, run: pd.Series, other: pd.Series) -> str:
     found = differences(dataset, run.name, other.name)
     stroke, stress = signed_percent(found["stroke"]), signed_percent(found["stress"])
-    times = number(1 + found["cpu_seconds"], 2)
-    return f"volumes {_percent(found['volumes'])}, stroke {stroke}, stress {stress}, CPU time {times} times"
+    times = f", CPU time {number(1 + found['cpu_seconds'], 2)} times" if run.machine == other.machine else ""
+    return f"volumes {_percent(found['volumes'])}, stroke {stroke}, stress {stress}{times}"
 
 
 def _preview(rows: pd.DataFrame) -> str:
@@ -251,14 +252,13 @@ def _shells(dataset: xr.Dataset, rows: pd.DataFrame) -> str:
             lines.append(
                 f"S8R against bricks of the full device by {bricks.iloc[0].engine}: {_compared(dataset, reduced, bricks.iloc[0])}"
             )
-    lines += _against_default(dataset, settings, "element")
-    for _, run in settings[settings.varied == "level, element"].iterrows():
-        if (base := _first(settings, level=run.level, varied="level", engine=run.engine)) is not None:
-            found = differences(dataset, run.name, base.name)
+    usable = rows[(rows.kind == "run") & (rows.branch == 0) & rows.status.isin(USABLE)]
+    for _, run in usable[usable.varied.isin(["element", "level, element"])].iterrows():
+        if (base := _first(settings, level=run.level, symmetry=run.symmetry, element="C3D20R", engine=run.engine)) is not None:
+            off = " and ".join(_error(row, "error_stroke", rows) for row in (run, base))
             lines.append(
-                f"{run.element} against {base.element} on `{run.level}` with {run.engine}: volumes {_percent(found['volumes'])}, "
-                f"stroke {signed_percent(found['stroke'])}, stress {signed_percent(found['stress'])}; off the reference by "
-                f"{_error(run, 'error_stroke', rows)} and {_error(base, 'error_stroke', rows)} in stroke"
+                f"{run.element} against C3D20R on `{run.level}` with {run.engine}: {_compared(dataset, run, base)}; strokes are "
+                f"off the reference by {off}" + f" ({run.status})" * (run.status != "converged")
             )
     return _with_scatter(lines, rows)
 
