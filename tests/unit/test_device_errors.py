@@ -362,6 +362,7 @@ def test_rows_that_are_measured_later_join_the_kept_ones(gathered, loaded, monke
     report = device_report(read_errors(tmp_path / "both.nc"), loaded.config.presets)
     assert "C3D20 against C3D20R on `paper` with newton: volumes 7." in report
     assert "Seconds of different machines are not to be compared" in report
+    assert "the paper's own element at its own density (full integration, `paper`), largest w 10.0% of at most 2.0%" in report
 
 
 def test_rows_say_what_ran_and_how_wrong_it_is(gathered):
