@@ -32,6 +32,8 @@ TRUSTED = ("C3D20R", "newton")
 ASKED = ("S8", "S8R", "C3D20R")
 #: what CalculiX expands shells to
 EXPANDED = {"S8": "C3D20", "S8R": "C3D20R"}
+#: elements that the paper finds to lock or to fail, and how far (relative) a height may be off at most to speak against it
+LOCKING, LOCKED = ("S3", "S4R"), 0.05
 WITHIN = {"height": 0.01, "edge_draw_in": 0.02, "edge_draw_in_smooth": 0.02}
 #: states whose potential energies (J) are no further apart are the same
 LEVEL = 0.005
@@ -172,11 +174,12 @@ def airbag_report(rows: pd.DataFrame, airbags: Mapping[str, Airbag], pictures: M
         parts += [
             f"Convergence towards the bricks of engine newton on their finest mesh, {limits}:",
             markdown_table(_convergence(of)),
+            _locking(of),
             *pictures.get(name, ()),
             "Every run:",
             markdown_table(_runs(of, height)),
         ]
-    return "\n\n".join(parts)
+    return "\n\n".join(filter(None, parts))
 
 
 def _off_published(rows: pd.DataFrame, airbag: Airbag) -> pd.DataFrame:
@@ -216,6 +219,23 @@ def _by_the_other_engine(rows: pd.DataFrame) -> list[str]:
                 f"and at n = {finest.divisions} at {number(finest.height)} mm."
             )
     return said
+
+
+def _locking(rows: pd.DataFrame) -> str:
+    """Whether the elements that the paper finds to lock or to fail do, by their finest mesh."""
+    said = []
+    for element in LOCKING:
+        own = rows[rows.element == element]
+        good = own[own.status == "converged"].sort_values("divisions")
+        if own.empty:
+            continue
+        if good.empty:
+            said.append(f"{element} fails on all of {len(own)} meshes")
+            continue
+        off = good.height.iloc[-1] / finest_limit(rows, good.planes.iloc[-1]) - 1
+        verdict = "locks or fails" if abs(off) > LOCKED else "does not"
+        said.append(f"{element} {verdict}: on its finest mesh (n = {good.divisions.iloc[-1]}) it is {signed_percent(off)} off")
+    return f"The paper finds that S3 and S4R lock or fail. Here {'; '.join(said)}." if said else ""
 
 
 def _against_published(off: pd.DataFrame, airbag: Airbag) -> pd.DataFrame:
