@@ -44,8 +44,8 @@ _EXAMPLE = "limo gallery afterload"
 def keep(loaded: Loaded, studies: Iterable[str], results: Path, gallery: Path, part: str = "") -> list[Path]:
     """Take the datasets of studies (none: all that are gathered, and the tensile test) from ``results``; returns what is kept.
 
-    ``part``: the set that they are kept as, without their shapes, from the cases that are solved (none: all studies that have
-    one). Cases that the set holds already and that are not in ``results`` stay.
+    ``part``: the set that they are kept as, without their shapes, from the cases that are solved (no studies: those of the
+    configuration's that have one). Cases that the set holds already and that are not in ``results`` stay.
 
     Raises ``LimoError`` for a study that is named and not gathered (in a set: of which nothing is solved), for a set that was
     kept with another configuration, and when the gallery's data would exceed ``LARGEST_DATA``; nothing is copied then.
@@ -84,7 +84,7 @@ def _packed_set(loaded: Loaded, named: list[str], results: Path, data: Path, asi
     """The same of a set: the cases that are solved, and of the others those that it holds."""
     packed: dict[Path, Path] = {}
     plan = make_plan(loaded, results)
-    for name in named or loaded.studies:
+    for name in named or loaded.config.studies:
         if not any((results / "cases" / case_id / "status.json").exists() for case_id in plan.served[name].values()):
             if name in named:
                 raise LimoError(f"{results}: no case of {name} is solved; snakemake --cores 2 {name} does that")

@@ -109,6 +109,8 @@ def branches(project):
     file = project / "config/studies/one.yaml"
     study = yaml.safe_load(file.read_text())
     file.write_text(yaml.safe_dump(study | {"branches": 3, "figures": ["pressure_volume", "deformation"]}))
+    config = project / "config/config.yaml"
+    config.write_text(config.read_text().replace("studies: [pressure_volume]", "studies: [one, pressure_volume]"))
     return project
 
 
@@ -182,7 +184,7 @@ def test_what_the_error_studies_keep_does_not_count(project, monkeypatch):
     monkeypatch.setattr(gallery, "LARGEST_DATA", 60_000)
     solve(project, 0)
     with pytest.raises(LimoError, match="is the most"):
-        gallery.keep(loaded, [], project / "results", folder, "standard")
+        gallery.keep(loaded, ["one"], project / "results", folder, "standard")
     assert not (folder / "standard").exists()
 
 

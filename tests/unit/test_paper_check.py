@@ -194,6 +194,9 @@ def test_branches_with_the_verdict_of_the_first_are_counted(data):
     together.case_status[{d: 0 for d in together.case_status.dims} | {"branch": 2}] = "missing"
     rows = table(data | {"afterload": together})
     assert rows.loc["efficiency falls with N_p", "branches"] == "1 of 2", "the third is not solved yet"
+    together.case_status[{d: 0 for d in together.case_status.dims}] = "missing"
+    row = table(data | {"afterload": together}).loc["efficiency falls with N_p"]
+    assert (row.verdict, row.ours) == ("no data", "1 of 12 cases are not solved yet")
 
 
 def test_what_was_not_run_has_no_verdict(data):

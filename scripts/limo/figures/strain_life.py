@@ -67,7 +67,7 @@ def _device(axis, dataset: xr.Dataset, shapes: xr.Dataset, fatigue: Fatigue) -> 
     if images is None:
         return
     words = [pictures.names(case, pictures.varying(shapes)), pictures.pressure_label(case, pictures.last_frame(case))]
-    axis.set_title("(b) " + ", ".join(word for word in words if word), loc="left")
+    axis.set_title("(b) " + ",\n".join(word for word in words if word), loc="left")
     below = axis.inset_axes((0.02, 0.02, 0.96, 0.035))
     bar = axis.figure.colorbar(ScalarMappable(scale.norm, scale.map), below, orientation="horizontal", extend="max")
     bar.set_label("Expected cycles $N_f$ [-] near seams")
