@@ -264,8 +264,8 @@ def joined(dataset: xr.Dataset, earlier: xr.Dataset) -> xr.Dataset:
         "run", data_vars="all", coords="minimal", compat="override", join="outer", combine_attrs="drop",
     )  # fmt: skip
     keys = _keys(rows)
-    devices = list(dict.fromkeys(key[0] for key in keys))
-    order = sorted(range(len(keys)), key=lambda k: (devices.index(keys[k][0]), keys[k][2] == "run", PARTS.index(keys[k][1]), k))
+    names = list(dict.fromkeys(key[0] for key in keys))
+    order = sorted(range(len(keys)), key=lambda k: (names.index(keys[k][0]), keys[k][2] == "run", PARTS.index(keys[k][1]), k))
     cuts = {key: cut for part, of in ((earlier, stay), (dataset, None)) for key, cut in _cuts(part, of).items()}
     rows = rows.isel(run=order)
     shown = [k for k, key in enumerate(_keys(rows)) if key in cuts]
