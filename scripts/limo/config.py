@@ -648,8 +648,10 @@ class Study(Section):
         description="P_a,max in kPa, one number or one for each P_v", examples=[{3.8: 60, 13.8: 100, 23.8: 140}]
     )
     mesh: Mesh | None = Field(None, description="instead of the configuration's mesh")
-    numerics: str | None = Field(
-        None, pattern=NAME, description="name of an entry of numerics, instead of the default", examples=["fast"]
+    numerics: Annotated[str, Field(pattern=NAME)] | dict[str, Any] | None = Field(
+        None,
+        description="another entry of numerics_presets, or what differs from the default; keys left out are the default's",
+        examples=[{"newton": {"load_step": 0.25}}],
     )
     frames: list[float | str] = Field(
         default=[0.0, "P_v", "P_v + 10", "P_v + 20", "P_v + 40", "P_v + 60", "max"],
@@ -1066,11 +1068,12 @@ class Loaded:
         mesh = study.mesh or default.mesh
         if variant.mesh:
             mesh = mesh.model_copy(update={k: getattr(variant.mesh, k) for k in variant.mesh.model_fields_set})
-        named = isinstance(variant.numerics, str)
-        preset = variant.numerics if named else study.numerics or default.numerics
+        preset, change = default.numerics, {}
+        for own in (study.numerics, variant.numerics):
+            preset, change = (own, {}) if isinstance(own, str) else (preset, _merged(change, own or {}))
         numerics = self.config.numerics_presets[preset]
-        if variant.numerics and not named:
-            numerics = Numerics.model_validate(_merged(numerics.model_dump(exclude_unset=True), variant.numerics))
+        if change:
+            numerics = Numerics.model_validate(_merged(numerics.model_dump(exclude_unset=True), change))
         device_name = variant.device or study.device
         device = self.devices[device_name]
         if change := study.material | variant.material:
@@ -1304,17 +1307,17 @@ def _check_study(loaded: Loaded, path: Path, study: Study, cut: set[tuple[str, f
 
     if study.preset:
         _check_preset(path, study.preset, loaded.config)
-    own = study.numerics or loaded.default(study.preset).numerics
     for name, variant in (study.variants or {"": Variant()}).items():
         prefix = f"variants.{name}." if name else ""
-        preset = variant.numerics if isinstance(variant.numerics, str) else own
-        _check_names(path, f"{prefix}numerics", preset, loaded.config.numerics_presets)
+        for where, numerics in (("", study.numerics), (prefix, variant.numerics)):
+            if isinstance(numerics, str):
+                _check_names(path, f"{where}numerics", numerics, loaded.config.numerics_presets)
         _check_names(path, f"{prefix}device", variant.device or study.device, loaded.devices)
         try:
             setting = loaded._setting(study, variant)
         except ValidationError as error:
             model, key = (Material, "material") if error.title == "Material" else (Numerics, "numerics")
-            prefix = prefix if key == "numerics" or variant.material else ""
+            prefix = prefix if getattr(variant, key) else ""
             found = _explain(model, error, path)
             raise ConfigError(path, f"{prefix}{key}.{found.key}", found.value, found.expected, found.example) from None
         _check_setting(loaded, path, study, prefix, setting)

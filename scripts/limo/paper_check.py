@@ -285,7 +285,7 @@ STATEMENTS = (
     Statement("Afterload", "efficiency rises with P_v", "rises", "afterload", _efficiency_rises, _SCATTER),
     Statement("Afterload", "efficiency falls with N_p", "falls", "afterload", _falls_with_pouches("efficiency_90ml"),
               f"{_GEOMETRY}. {_SCATTER}"),
-    Statement("Buckling", "N_p = 6 jumps at P_v = 3.8 kPa", "about 30 kPa", "afterload", _jump,
+    Statement("Buckling", "N_p = 6 jumps at P_v = 3.8 kPa", "about 30 kPa", "buckling", _jump,
               "Where a fold snaps depends on the wrinkle state and on the mesh."),
     Statement("Stress", "stress concentrates on seams and in buckled regions", "qualitative", "stress", _concentrated,
               "The zones of this row are seams and edges alone; folds away from them count against it."),

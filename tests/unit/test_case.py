@@ -177,6 +177,25 @@ def test_branches_are_cases_of_their_own_on_one_mesh(loaded):
     assert all(cases[key].case_id == case.case_id for key, case in plain.items()), "branch 0 is the case without branches"
 
 
+def test_a_study_changes_keys_of_its_numerics_and_variants_change_more(loaded):
+    axes, finer = Axes(n_pouches=[6], ventricular_pressure=[3.8]), {"newton": {"load_step": 0.25}}
+    variants = {
+        "plain": Variant(engine="newton"),
+        "shorter": Variant(engine="newton", numerics={"newton": {"largest_step": 0.05}}),
+        "anew": Variant(engine="newton", numerics="fast"),
+        "other": Variant(),
+    }
+    (usual,) = study_cases(with_study(loaded, axes=axes, engine="newton"), "s").values()
+    (calculix,) = study_cases(with_study(loaded, axes=axes), "s").values()
+    cases = study_cases(with_study(loaded, axes=axes, numerics=finer, variants=variants), "s")
+    found = {key[-2]: case for key, case in cases.items()}
+    steps = {name: (case.numerics.newton.load_step, case.numerics.newton.largest_step) for name, case in found.items()}
+    usual_steps = usual.numerics.newton.load_step, usual.numerics.newton.largest_step
+    assert steps == {"plain": (0.25, usual_steps[1]), "shorter": (0.25, 0.05), "anew": usual_steps, "other": usual_steps}
+    assert found["anew"] == usual, "a preset by name takes the place of all the study said"
+    assert found["other"].case_id == calculix.case_id, "CalculiX takes no load steps: its case is the same"
+
+
 def test_variants_differ_from_the_study_in_what_they_name_only(loaded):
     variants = {
         "plain": Variant(),

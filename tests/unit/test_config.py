@@ -111,6 +111,8 @@ MISTAKES = [
     (STUDY, ("frames",), [None], "pressures"),
     (STUDY, ("device",), "lima", "limo"),
     (STUDY, ("numerics",), "fastest", "fast"),
+    (STUDY, ("numerics", "ramp", "damping"), -1.0, "greater than or equal to 0"),
+    (STUDY, ("numerics", "newton", "colour"), "red", "load_step"),
     (STUDY, ("preset",), "exact", "preview, reference, standard"),
     (STUDY, ("mesh", "level"), "huge", "preview"),
     (STUDY, ("mesh", "symmetry"), "half", "quarter"),
