@@ -12,7 +12,6 @@ from limo.elements import QUAD8_TRIANGLES
 from limo.mesh import LAYERS, DeviceMesh
 
 _SIDES = np.array([[0, 1], [1, 2], [2, 0]])
-DEPTH = 1.0e-3  # mm beyond the plane from which a point counts as through it
 
 
 def triangles(quads: np.ndarray) -> np.ndarray:
@@ -20,20 +19,21 @@ def triangles(quads: np.ndarray) -> np.ndarray:
     return quads[:, QUAD8_TRIANGLES].reshape(-1, 3)
 
 
-def crossings(points: np.ndarray, first: np.ndarray, second: np.ndarray) -> np.ndarray:
+def crossings(points: np.ndarray, first: np.ndarray, second: np.ndarray, apart: float = 0.0) -> np.ndarray:
     """Places (c, 3) in mm where surfaces of triangles ``first`` (a, 3) and ``second`` (b, 3) cross, on ``points`` (n, 3).
 
-    A side of one pierces a triangle of the other. Triangles that share a node (a seam) are not compared.
+    A side of one pierces a triangle of the other. Triangles that share a node (a seam) are not compared. ``apart``: how far
+    (mm) the first is moved up along z, away from the second, before they are compared.
     """
-    found = [_pierced(points, first, second), _pierced(points, second, first)]
-    return np.vstack(found)
+    up = np.array([0.0, 0.0, apart])
+    return np.vstack([_pierced(points, first, second, up), _pierced(points, second, first, -up)])
 
 
-def _pierced(points: np.ndarray, sides_of: np.ndarray, faces: np.ndarray) -> np.ndarray:
+def _pierced(points: np.ndarray, sides_of: np.ndarray, faces: np.ndarray, moved: np.ndarray) -> np.ndarray:
     if not len(sides_of) or not len(faces):
         return np.empty((0, 3))
     sides = np.unique(np.sort(sides_of[:, _SIDES].reshape(-1, 2), axis=1), axis=0)
-    a, b = points[sides[:, 0]], points[sides[:, 1]]
+    a, b = points[sides[:, 0]] + moved, points[sides[:, 1]] + moved
     corners = points[faces]
     low_s, high_s = np.minimum(a, b), np.maximum(a, b)
     low_f, high_f = corners.min(axis=1), corners.max(axis=1)
@@ -64,17 +64,19 @@ def endo_through_epi(mesh: DeviceMesh, points: np.ndarray) -> np.ndarray:
     return crossings(points, layer["endo"], layer["epi"])
 
 
-def front_through_back(mesh: DeviceMesh, points: np.ndarray) -> np.ndarray:
+def front_through_back(mesh: DeviceMesh, points: np.ndarray, thickness: float) -> np.ndarray:
     """Places (c, 3) where the inner surfaces (wall and endocardium) of front and back cross, positions (n, 3) in mm.
 
-    In a model of the front alone they meet in the plane z = 0: the nodes beyond it, those of the outer edge left out.
+    Each must be more than ``thickness`` (mm, the fabric's) beyond where they meet: in the creases beside the outer edge, which
+    seals one to the other, a node or two are always a fraction of that beyond it. In a model of the front alone they meet in
+    the plane z = 0: the nodes beyond it.
     """
     inner = mesh.layer != LAYERS.index("epi")
     if mesh.symmetry == "full":
-        return crossings(points, *(triangles(mesh.quads[inner & (mesh.face == f)]) for f in (0, 1)))
+        front, back = (triangles(mesh.quads[inner & (mesh.face == f)]) for f in (0, 1))
+        return crossings(points, front, back, apart=2 * thickness)
     nodes = np.unique(mesh.quads[inner])
-    nodes = nodes[~mesh.on_outer[nodes]]
-    return points[nodes[points[nodes, 2] < -DEPTH]]
+    return points[nodes[points[nodes, 2] < -thickness]]
 
 
 def first_contact(pressures: np.ndarray, touching: np.ndarray) -> tuple[float, float]:

@@ -292,11 +292,12 @@ def _fatigue(values: dict, mesh, amplitude: np.ndarray, near_seam: np.ndarray, f
 
 
 def _contact(values: dict, model: Model, frames: CaseFrames) -> None:
-    order = np.argsort(frames.pressure)
+    order, thickness = np.argsort(frames.pressure), model.case.device.material.thickness
     touching = []
     for k in order:
         middle = model.mesh.nodes + model.expansion.midsurface(frames.displacement[k].astype(float))
-        touching.append((len(front_through_back(model.mesh, middle)) > 0, len(endo_through_epi(model.mesh, middle)) > 0))
+        crossed = front_through_back(model.mesh, middle, thickness), endo_through_epi(model.mesh, middle)
+        touching.append([len(places) > 0 for places in crossed])
     for j, name in enumerate(("contact_front_back", "contact_endo_epi")):
         clear, first = first_contact(frames.pressure[order], np.array(touching)[:, j])
         values[f"{name}_clear"][()], values[name][()] = clear, first

@@ -201,7 +201,7 @@ def _case_values(
     model: Model, frames: CaseFrames, pressures: list[float | None], items: tuple[str, ...], maximum: float
 ) -> dict[str, np.ndarray]:
     """Everything that is stored of one case; ``pressures`` (kPa) of its frames, None for one beyond its range."""
-    mesh = model.mesh
+    mesh, thickness = model.mesh, model.case.device.material.thickness
     _, node, _ = nodal(mesh, np.zeros((len(mesh.quads), 4)))
     count = len(pressures)
     values = {
@@ -219,7 +219,7 @@ def _case_values(
         u = frames.displacement[at].astype(float)
         middle = model.expansion.midsurface(u)
         values["frame_pressure"][k] = frames.pressure[at]
-        values["frame_contact"][k] = len(front_through_back(mesh, mesh.nodes + middle)) > 0
+        values["frame_contact"][k] = len(front_through_back(mesh, mesh.nodes + middle, thickness)) > 0
         values["displacement"][k] = middle[node]
         if "von_mises" in items:
             values["von_mises"][k] = nodal(mesh, von_mises_map(model, u, frames.file).max(axis=1))[0]

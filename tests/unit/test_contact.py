@@ -46,9 +46,11 @@ def test_the_device_touches_where_it_should(device_mesh, symmetry):
     mesh = device_mesh("limo", 8, symmetry)
     apart = bulge(mesh, 3.0, 8.0)
     assert len(endo_through_epi(mesh, apart)) == 0
-    assert len(front_through_back(mesh, apart)) == 0
+    assert len(front_through_back(mesh, apart, 0.2)) == 0
     pushed = bulge(mesh, -2.0, 8.0)
-    assert len(front_through_back(mesh, pushed)) > 0
+    assert len(front_through_back(mesh, pushed, 0.2)) > 0
+    assert len(front_through_back(mesh, bulge(mesh, -0.15, 8.0), 0.2)) == 0, "no deeper than the fabric is thick"
+    assert len(front_through_back(mesh, bulge(mesh, -0.25, 8.0), 0.2)) > 0
     assert len(endo_through_epi(mesh, pushed)) == 0
     rng = np.random.default_rng(1)
     tangled = apart.copy()
