@@ -161,8 +161,12 @@ def _jump(d: xr.Dataset) -> tuple[str, str]:
     known = np.isfinite(middle)
     if not known.any():
         return "no jump", "not"
-    nearest = int(np.abs(np.where(known, middle, np.inf) - 30.0).argmin())
-    return f"{jump[nearest]:.1f} ml at {middle[nearest]:.1f} kPa", graded(middle[nearest], 26.0, 34.0, 4.0)
+    largest, nearest = int(np.nanargmax(np.abs(jump))), int(np.nanargmin(np.abs(middle - 30.0)))
+    text, verdict = f"{jump[largest]:+.1f} ml at {middle[largest]:.1f} kPa", graded(middle[largest], 26.0, 34.0, 4.0)
+    if nearest != largest:
+        text += f", the largest of {known.sum()}; {jump[nearest]:+.1f} ml at {middle[nearest]:.1f} kPa"
+        verdict = "partly" if verdict == "not" and graded(middle[nearest], 26.0, 34.0, 0.0) == "reproduced" else verdict
+    return text, verdict
 
 
 def _concentrated(d: xr.Dataset) -> tuple[str, str]:

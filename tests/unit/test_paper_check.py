@@ -72,9 +72,10 @@ def data():
     row = np.array([0.0, 0.05, 0.1])[None, :, None, None]
     afterload = curve_set(both, 150 * column, 1 + 0.8 * column, 0.75 * column + row)
     one = grid(n_pouches=[6], ventricular_pressure=[3.8])
-    events, dims = np.reshape([12.0, 29.8, np.nan, np.nan], (1, 1, 1, 1, 4)), (*one, "event")
+    events, jumps = (np.reshape(v, (1, 1, 1, 1, 4)) for v in ([12.0, 29.8, np.nan, np.nan], [-2.0, 5.0, np.nan, np.nan]))
+    dims = (*one, "event")
     buckling = curve_set(one, 100.0, 1.5, 0.6).assign(
-        buckling_before=(dims, events), buckling_after=(dims, events + 0.5), buckling_jump=(dims, 0 * events + 5.0)
+        buckling_before=(dims, events), buckling_after=(dims, events + 0.5), buckling_jump=(dims, jumps)
     )
     stress = with_stress(curve_set(both, 100.0, 1.5, 0.6), 10 * (1 + 1.25 * (column - 0.6) + row / 10), **both)
     paths = grid(n_pouches=POUCHES)
@@ -169,6 +170,16 @@ def test_a_statement_that_does_not_hold_is_told_apart(data, statement):
     row = table(data).loc[statement]
     assert row.verdict in ("partly", "not")
     assert row["what is known"].endswith(".")
+
+
+def test_the_largest_jump_counts_and_another_near_the_papers_in_part(data):
+    statement, buckling = "N_p = 6 jumps at P_v = 3.8 kPa", data["buckling"]
+    turned = buckling.assign(buckling_jump=-2 / 5 * buckling.buckling_jump * [-6, 1, 1, 1])
+    row = table(data | {"buckling": turned}).loc[statement]
+    assert (row.verdict, row.ours) == ("partly", "-4.8 ml at 12.2 kPa, the largest of 2; -2.0 ml at 30.1 kPa")
+    none = buckling.assign(buckling_before=np.nan * buckling.buckling_before)
+    row = table(data | {"buckling": none}).loc[statement]
+    assert (row.verdict, row.ours) == ("not", "no jump")
 
 
 def test_a_rate_that_the_engine_does_not_know_is_not_tested(data):
