@@ -50,8 +50,8 @@ rule check_paper:
         code=code_digest(("paper_check",)),
     message:
         "Test the statements of the paper"
-    shell:
-        "limo paper-check --table {output.table} --page {output.page} > {log} 2>&1"
+    script:
+        "../../scripts/check_paper.py"
 
 
 rule material:
