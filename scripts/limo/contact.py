@@ -68,7 +68,7 @@ def front_through_back(mesh: DeviceMesh, points: np.ndarray, thickness: float) -
     """Places (c, 3) where the inner surfaces (wall and endocardium) of front and back cross, positions (n, 3) in mm.
 
     Each must be more than ``thickness`` (mm, the fabric's) beyond where they meet: in the creases beside the outer edge, which
-    seals one to the other, a node or two are always a fraction of that beyond it. In a model of the front alone they meet in
+    seals one to the other, single nodes come and go a fraction of that beyond it. In a model of the front alone they meet in
     the plane z = 0: the nodes beyond it.
     """
     inner = mesh.layer != LAYERS.index("epi")
