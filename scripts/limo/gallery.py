@@ -232,6 +232,7 @@ def _page(loaded: Loaded, gallery: Path) -> str:
             for figure in loaded.studies[name].figures
             if (gallery / f"{name}_{figure}.png").exists()
         ]
+        sections += _band(dataset)
         if gaps := style.gaps(dataset):
             sections.append("\n".join(f"- {gap}" for gap in gaps))
     if (gallery / MATERIAL_FIGURE).exists():
@@ -253,6 +254,24 @@ def _page(loaded: Loaded, gallery: Path) -> str:
             *sections,
         ]
     ) + "\n"  # fmt: skip
+
+
+def _band(dataset: xr.Dataset) -> list[str]:
+    """A sentence on how far apart the branches of one case are, which curves hardly show; none where each has only one."""
+    stroke = dataset.stroke_volume.where(dataset.case_status.isin(USABLE))
+    if "branch" not in stroke.dims:
+        return []
+    low, high = stroke.min("branch"), stroke.max("branch")
+    apart = (high - low).where(stroke.count("branch") > 1)
+    if not apart.notnull().any():
+        return []
+    cases = int(apart.notnull().any("actuation_pressure").sum())
+    end = apart.notnull().cumsum("actuation_pressure").argmax("actuation_pressure")
+    share = float((apart / high).isel(actuation_pressure=end).max())
+    return [
+        f"Band ({cases} of {low.size // low.sizes['actuation_pressure']} cases): the solutions of one case are at most "
+        f"{float(apart.max()):.1f} ml of stroke apart at any P_a, and {100 * share:.1f} % at the highest."
+    ]
 
 
 def _summary(name: str, dataset: xr.Dataset) -> str:

@@ -274,7 +274,7 @@ def _rest_volume(d: xr.Dataset) -> tuple[str, str]:
 
 
 _GEOMETRY = "The seams of N_p = 4, 6, 10 and all widths are not public"
-_SCATTER = "Single strokes move by some 10 % from mesh to mesh and between wrinkle states (docs/methods.md)."
+_SCATTER = "On coarse meshes single strokes move by some 10 % from mesh to mesh and between wrinkle states (docs/methods.md)."
 STATEMENTS = (
     Statement("Pressure-volume", "V_a starts to grow when P_a comes near P_v", "P_a near P_v", "afterload", _onset,
               "The epicardium is loaded by P_a alone and bulges before the endocardium gives way."),
@@ -309,7 +309,8 @@ STATEMENTS = (
               "Near a seam the directions turn within an element or two."),
     Statement("Valve support", "efficiency over AR", "59.3 to 66.8 %", "valve_support", _valve_range, f"{_GEOMETRY}."),
     Statement("Valve support", "efficiency is largest at AR = 2.5", "2.5", "valve_support",
-              _largest_at("efficiency_90ml", "aspect_ratio", 2.5, (2.0, 3.0)), "The differences are smaller than the scatter."),
+              _largest_at("efficiency_90ml", "aspect_ratio", 2.5, (2.0, 3.0)),
+              "The differences are little larger than those between solutions of one design."),
     Statement("Valve support", "AR hardly changes the stroke", "little", "valve_support", _stroke_over_valves,
               _SCATTER),
     Statement("Valve support", "smaller AR, less peak stress than at AR = 3", "-8 %", "valve_support", _stress_over_valves,

@@ -137,6 +137,20 @@ def test_a_set_grows_by_the_cases_that_are_solved_wherever_that_was(branches, ca
     assert first.name not in lacks, "it is in the set"
 
 
+def test_the_page_says_how_far_apart_the_solutions_of_a_case_are(root):
+    curves = xr.load_dataset(root / "docs/gallery/data/afterload.nc")
+    assert gallery._band(curves) == [], "one solution each"
+    second = curves.copy(deep=True)
+    at = {"n_pouches": 4, "ventricular_pressure": 3.8, "aspect_ratio": 2.0, "stiffness_ratio": 1.0}
+    second.stroke_volume.loc[at | {"actuation_pressure": 20.0}] += 7.0
+    second.stroke_volume.loc[at | {"actuation_pressure": 60.0}] *= 0.95
+    second.case_status.loc[{"n_pouches": 10}] = "diverged"
+    (sentence,) = gallery._band(xr.concat([curves, second], "branch"))
+    largest = max(7.0, 0.05 * float(curves.stroke_volume.sel(at | {"actuation_pressure": 60.0})))
+    assert sentence.startswith("Band (9 of 12 cases):"), "what failed has no band"
+    assert f"{largest:.1f} ml of stroke apart at any P_a, and 5.0 % at the highest" in sentence
+
+
 def test_a_set_of_another_configuration_is_not_mixed_with_this_one(branches, capsys):
     solve(branches, 0)
     assert main(["gallery", "--set", "standard"]) == 0

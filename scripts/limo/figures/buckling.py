@@ -25,7 +25,7 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None, shapes: xr.Dataset)
     curves = [pictures.beside(figure, axis, 0.7, 2.5) for axis in axes[:, 0]]
     scale = Scale("viridis", 0.0, pictures.rounded_up(_largest(shapes)))
     for axis, row, case in zip(curves, axes, cases, strict=True):
-        _curve(axis, pictures.study_case(dataset, case), case)
+        _curve(axis, pictures.branches_of(dataset, case), case)
         images, reason = _both_sides(case, scale), pictures.empty_reason(dataset, case, "no jump in the stroke volume")
         for panel, image, title in zip(row, images, ("(b) front", "(c) back"), strict=True):
             pictures.show(panel, image, reason)
@@ -36,8 +36,9 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None, shapes: xr.Dataset)
     return figure
 
 
-def _curve(axis, curves: xr.Dataset, case: xr.Dataset) -> None:
-    """The stroke volume around the jump, whose ends are marked; all of it, small, in the corner."""
+def _curve(axis, branches: xr.Dataset, case: xr.Dataset) -> None:
+    """The stroke volume around the jump, whose ends are marked, and what branches reach; all of it, small, in the corner."""
+    curves = style.first_branch(branches)
     pressure, stroke = curves.actuation_pressure.values, curves.stroke_volume.values
     if not np.isfinite(stroke).any():
         axis.set_visible(False)
@@ -46,12 +47,15 @@ def _curve(axis, curves: xr.Dataset, case: xr.Dataset) -> None:
     axis.set_title("(a)", loc="left")
     axis.set(xlabel="Actuation pressure $P_a$ [kPa]", ylabel="Stroke volume $\\Delta V_v$ [ml]")
     axis.plot(pressure, stroke, color=style.COLORS[0])
+    style.band(axis, branches, "stroke_volume", style.COLORS[0])
     if not np.isfinite(before):
         return
     ends = np.interp([before, after], pressure, stroke)
     near = (pressure >= before - WINDOW) & (pressure <= after + WINDOW) & np.isfinite(stroke)
-    margin = 0.08 * np.ptp(stroke[near])
-    axis.set(xlim=(before - WINDOW, after + WINDOW), ylim=(stroke[near].min() - margin, stroke[near].max() + margin))
+    shown = branches.stroke_volume.isel(actuation_pressure=near).values
+    margin = 0.08 * np.ptp(shown[np.isfinite(shown)])
+    ylim = (np.nanmin(shown) - margin, np.nanmax(shown) + margin)
+    axis.set(xlim=(before - WINDOW, after + WINDOW), ylim=ylim)
     for x, y, name in ((before, ends[0], "-"), (after, ends[1], "+")):
         axis.plot(x, y, "o", ms=4.5, color=style.COLORS[1])
         text = f"$P_{{a,c{name}}}$ = {x:.4g} kPa"
