@@ -256,6 +256,15 @@ def test_every_figure_of_surfaces_is_drawn_alike_twice_from_the_files_alone(solv
     assert "diverged" in texts  # N_p = 4
 
 
+def test_the_curves_beside_a_surface_are_those_of_all_branches(root):
+    curves = xr.load_dataset(root / "docs/gallery/data/afterload.nc")
+    both = xr.concat([curves, curves.assign(stroke_volume=curves.stroke_volume + 1.0)], "branch").assign_coords(branch=[0, 1])
+    case = xr.Dataset(coords={"n_pouches": 6, "ventricular_pressure": 3.8, "aspect_ratio": 2.0, "branch": 0})
+    found = pictures.branches_of(both, case).squeeze()
+    np.testing.assert_allclose(found.stroke_volume.diff("branch").dropna("actuation_pressure", how="all"), 1.0, atol=1e-4)
+    assert "branch" not in pictures.study_case(both, case).dims
+
+
 def test_the_strain_life_figure_shows_the_device_that_fails_first(root):
     data = root / "docs/gallery/data"
     dataset, surfaces = xr.load_dataset(data / "fatigue.nc"), xr.load_dataset(data / "fatigue_shapes.nc")

@@ -233,7 +233,7 @@ def rounded_up(value: float) -> float:
 
 def branches_of(dataset: xr.Dataset, case: xr.Dataset) -> xr.Dataset:
     """The same case in the study's dataset of curves, with all of its branches."""
-    return dataset.sel({d: case[d].values for d in dataset.case_status.dims if d in case.coords})
+    return dataset.sel({d: case[d].values for d in dataset.case_status.dims if d in case.coords and d != "branch"})
 
 
 def study_case(dataset: xr.Dataset, case: xr.Dataset) -> xr.Dataset:
