@@ -53,9 +53,9 @@ def _curve(axis, branches: xr.Dataset, case: xr.Dataset) -> None:
     ends = np.interp([before, after], pressure, stroke)
     near = (pressure >= before - WINDOW) & (pressure <= after + WINDOW) & np.isfinite(stroke)
     shown = branches.stroke_volume.isel(actuation_pressure=near).values
-    margin = 0.08 * np.ptp(shown[np.isfinite(shown)])
-    ylim = (np.nanmin(shown) - margin, np.nanmax(shown) + margin)
-    axis.set(xlim=(before - WINDOW, after + WINDOW), ylim=ylim)
+    low, high = np.nanmin(shown), np.nanmax(shown)
+    margin = 0.08 * (high - low)
+    axis.set(xlim=(before - WINDOW, after + WINDOW), ylim=(low - margin, high + margin))
     for x, y, name in ((before, ends[0], "-"), (after, ends[1], "+")):
         axis.plot(x, y, "o", ms=4.5, color=style.COLORS[1])
         text = f"$P_{{a,c{name}}}$ = {x:.4g} kPa"
