@@ -71,7 +71,10 @@ def plan_table(config_file: str, names: Sequence[str], results: Path, cores: int
 
 
 def study_table(path: Path) -> str:
-    """One line a case: stroke, ratio and the rest at P_a,max, and the paths of the study's figures."""
+    """One line a case: stroke, ratio and the rest at P_a,max, and the paths of the study's figures.
+
+    With the output contact: the P_a of the first stored frame in which front and back would touch, too.
+    """
     try:
         with xr.open_dataset(path) as opened:
             dataset = opened.load()
@@ -90,6 +93,7 @@ def study_table(path: Path) -> str:
                 "P_a [kPa]": f"{reached:.1f}" if at_end is not None else "-",
                 "stroke [ml]": _number(at_end, "stroke_volume", "{:.1f}"),
                 "ratio": _number(at_end, "io_ratio", "{:.2f}"),
+                **({"touches [kPa]": _number(case, "contact_front_back", "{:.1f}")} if "contact_front_back" in case else {}),
                 "eta(90 ml)": _number(case, "efficiency_90ml", "{:.1%}"),
                 "dissipated": _number(case, "dissipated_fraction", "{:.1%}"),
                 "iterations": _number(case, "iterations", "{:.0f}"),

@@ -314,6 +314,27 @@ def test_figure_shows_every_case_and_names_those_that_failed(gathered):
     assert figure.axes[0].get_xlim()[1] == 100.0
 
 
+def test_curves_and_the_table_say_where_front_and_back_would_touch(gathered, tmp_path):
+    touching = xr.full_like(gathered.efficiency_90ml, np.nan)
+    touching.loc[{"n_pouches": 4}] = 22.5
+    dataset = gathered.assign(contact_front_back=touching)
+    for figure in (pressure_volume.draw(dataset), afterload.draw(dataset)):
+        lines = figure.axes[1].get_lines()
+        light = [line for line in lines if line.get_alpha() == style.FADED]
+        assert [line.get_xdata()[0] for line in light] == [22.5] * 2, "one for each P_v"
+        for faded in light:
+            before = lines[list(lines).index(faded) - 1]
+            assert (before.get_xdata()[-1], before.get_color()) == (22.5, faded.get_color())
+        assert not any(entry.get_text().startswith("_") for entry in figure.legends[0].get_texts())
+        style.close(figure)
+    dataset.to_netcdf(tmp_path / "study.nc")
+    rows = study_table(tmp_path / "study.nc").splitlines()
+    assert ["22.5" in row for row in rows[2:8]] == [True, True, False, False, False, False], rows[1:8]
+    assert "touches [kPa]" in rows[1]
+    gathered.to_netcdf(tmp_path / "plain.nc")
+    assert "touches" not in study_table(tmp_path / "plain.nc")
+
+
 def test_measured_curves_keep_gaps_and_refuse_other_tables(tmp_path):
     path = tmp_path / "measured.csv"
     path.write_text(MEASURED)

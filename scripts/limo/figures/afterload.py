@@ -9,9 +9,8 @@ from matplotlib.lines import Line2D
 
 from limo.figures import style
 
-#: colours of the ventricular pressures, from low to high, and what is left of a line where layers would touch
+#: colours of the ventricular pressures, from low to high
 COLORS = ("#E69F00", "#D55E00", "#7B3294", "#0072B2", "#009E73")
-FADED = 0.35
 
 
 def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
@@ -33,12 +32,11 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
                 style.band(axis, branches, name, color)
             if j < len(lower):
                 style.band(lower[j], branches, "io_ratio", color)
-            _curve(upper[0], case, "actuation_volume_change", color, width)
-            _curve(upper[1], case, "stroke_volume", color, width)
+            style.curve(upper[0], case, "actuation_volume_change", color, lw=width)
+            style.curve(upper[1], case, "stroke_volume", color, lw=width)
             for other, axis in enumerate(lower[: len(pressures)]):
-                _curve(
-                    axis, case, "io_ratio", color if other == j else "0.85", width if other == j else 0.7, 2 if other == j else 1
-                )
+                looks = (color, width, 2) if other == j else ("0.85", 0.7, 1)
+                style.curve(axis, case, "io_ratio", looks[0], lw=looks[1], zorder=looks[2])
     _bars(upper[2], every)
     xlim = (0, float(dataset.actuation_pressure.max()))
     upper[0].set(xlabel="$P_a$ [kPa]", ylabel="Actuation volume $\\Delta V_a$ [ml]", xlim=xlim)
@@ -60,19 +58,6 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
 
 def _width(k: int) -> float:
     return 0.8 + 0.55 * k
-
-
-def _curve(axis, case: xr.Dataset, name: str, color: str, width: float, zorder: int = 2) -> None:
-    """A curve, dashed for a case that failed, lighter from the pressure on at which front and back would touch."""
-    pressure, values = case.actuation_pressure.values, case[name].values
-    touching = float(case.contact_front_back) if "contact_front_back" in case else np.nan
-    clear = pressure <= touching if np.isfinite(touching) else np.full(len(pressure), True)
-    line = style.line_of(case)
-    axis.plot(pressure[clear], values[clear], line, color=color, lw=width, zorder=zorder)
-    light = ~clear
-    light[:-1] |= light[1:]  # so that the two parts meet
-    if (~clear).any():
-        axis.plot(pressure[light], values[light], line, color=color, lw=width, alpha=FADED, zorder=zorder)
 
 
 def _bars(axis, dataset: xr.Dataset) -> None:

@@ -33,7 +33,7 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None, shapes: xr.Dataset)
     for k, (branches, name) in enumerate(zip(found, labels, strict=True)):
         curves, color = style.first_branch(branches), style.COLORS[k % len(style.COLORS)]
         for axis, (variable, _) in zip(axes, panels, strict=False):
-            axis.plot(curves.actuation_pressure, curves[variable], style.line_of(curves), color=color, label=name)
+            style.curve(axis, curves, variable, color, label=name)
             style.band(axis, branches, variable, color)
     for axis, (_, text) in zip(axes, panels, strict=False):
         axis.set(xlabel="$P_a$ [kPa]", ylabel=text, xlim=(0, float(dataset.actuation_pressure.max())))

@@ -42,9 +42,8 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
     for k in range(cases.sizes["case"]):
         case = cases.isel(case=k)
         color = style.COLORS[k % len(style.COLORS)]
-        line = style.line_of(case)
         for axis, name, _ in panels:
-            axis.plot(pressure, case[name], line, color=color, label=curve_label(case, varying))
+            style.curve(axis, case, name, color, label=curve_label(case, varying))
             style.band(axis, spread.isel(case=k), name, color)
         if "check_stroke_volume" in case and np.isfinite(case.check_stroke_volume).any():
             axes[1].plot(pressure, case.check_stroke_volume, ":", color=color, lw=1.2)

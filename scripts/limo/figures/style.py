@@ -16,6 +16,7 @@ from PIL import Image
 
 #: Okabe-Ito, in the order in which curves take them: yellow, pale on white, last
 COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#F0E442")
+FADED = 0.35  # what is left of a line where layers would touch
 WIDEST_PNG, LARGEST_PNG = 1600, 300_000  # pixels across, bytes
 SETTINGS = {
     "axes.grid": True,
@@ -68,6 +69,21 @@ def stacked(width: float, *heights: float):
 def line_of(case: xr.Dataset) -> str:
     """Solid for a case that converged, dash-dotted for one that is degraded, dashed for one that failed."""
     return {"converged": "-", "degraded": "-."}.get(str(case.case_status.values), "--")
+
+
+def curve(axis, case: xr.Dataset, name: str, color: str, **looks) -> None:
+    """A curve over P_a by the case's status, lighter from the first stored frame on in which front and back would touch.
+
+    ``looks``: what else matplotlib's ``plot`` takes. Without the output contact, nothing is known of that and nothing lighter.
+    """
+    pressure, values = case.actuation_pressure.values, case[name].values
+    touching = float(case.contact_front_back) if "contact_front_back" in case else np.nan
+    clear = ~(pressure > touching)
+    axis.plot(pressure[clear], values[clear], line_of(case), color=color, **looks)
+    if not clear.all():
+        light = ~clear
+        light[:-1] |= light[1:]  # so that the two parts meet
+        axis.plot(pressure[light], values[light], line_of(case), color=color, alpha=FADED, **{**looks, "label": None})
 
 
 def first_branch(dataset: xr.Dataset) -> xr.Dataset:
