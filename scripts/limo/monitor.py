@@ -109,14 +109,15 @@ def show(sweep: Sweep, to: Console) -> list[CaseStatus]:
 def watch(sweep: Sweep, to: Console, every: float, done: Callable[[], bool] | None = None) -> list[CaseStatus]:
     """Show a sweep every so many seconds until nothing runs or waits, or ``done`` says so; returns where all cases are then.
 
-    A terminal shows the table in place; anywhere else a line tells of each case whose status or stage has changed.
+    A terminal that can move its cursor shows the table in place; anywhere else a line tells of each case whose status or stage
+    has changed.
     """
 
     def over(statuses: Sequence[CaseStatus]) -> bool:
         return done() if done is not None else not any(s.status in ("running", "waiting") for s in statuses)
 
     statuses = sweep.look()
-    if to.is_terminal:
+    if to.is_terminal and not to.is_dumb_terminal:
         with Live(console=to, auto_refresh=False, transient=True) as live:
             while True:
                 live.update(table(sweep, statuses, to.height - _OTHERS), refresh=True)

@@ -322,9 +322,10 @@ def test_a_log_has_lines_about_what_changed(sweep):
     assert any("ramp, P_a = 15.0 of 60 kPa" in line for line in changes(before, statuses))
 
 
-def test_watching_ends_when_it_is_told_and_prints_the_table(sweep):
+@pytest.mark.parametrize("terminal", [{}, {"force_terminal": True, "_environ": {"TERM": "dumb"}}], ids=["file", "dumb"])
+def test_watching_ends_when_it_is_told_and_prints_the_table(sweep, terminal):
     seen = []
-    to = Console(file=io.StringIO(), width=130)
+    to = Console(file=io.StringIO(), width=130, **terminal)
     watch(sweep, to, 0.01, lambda: len(seen) > 2 or bool(seen.append(1)))
     text = to.file.getvalue()
     assert text.count("  running  ramp, P_a = 15.0") == 1, "the line is not repeated"
@@ -334,7 +335,7 @@ def test_watching_ends_when_it_is_told_and_prints_the_table(sweep):
 
 def test_a_terminal_shows_the_table_in_place_and_leaves_the_last_one(sweep):
     seen = []
-    to = Console(file=io.StringIO(), width=130, height=30, force_terminal=True)
+    to = Console(file=io.StringIO(), width=130, height=30, force_terminal=True, _environ={"TERM": "xterm"})
     watch(sweep, to, 0.01, lambda: len(seen) > 2 or bool(seen.append(1)))
     text = to.file.getvalue()
     in_place, _, after = text.rpartition("\x1b[?25h")  # the cursor is shown again at the end

@@ -22,12 +22,13 @@ def test_default_configuration_plans_one_solve_and_mesh_a_device(tmp_path):
     assert project.planned("pressure_volume") == {
         "mesh_device": 4,
         "solve_case": 4,
+        "measure_case": 4,
         "gather_study": 1,
         "export_study": 1,
         "gather_shapes": 1,
         "draw_figure": 2,
         "pressure_volume": 1,
-        "total": 14,
+        "total": 18,
     }
 
 
