@@ -176,6 +176,12 @@ def gather_study(loaded: Loaded, name: str, case_folder: Path, sources: Sequence
     return on_axes(describe_axes(dataset), study)
 
 
+def at_end(curve: xr.DataArray) -> xr.DataArray:
+    """The last value that each case has of a curve (..., actuation_pressure), its dimension dropped; NaN where there is none."""
+    last = curve.notnull().cumsum("actuation_pressure").argmax("actuation_pressure")
+    return curve.isel(actuation_pressure=last)
+
+
 def absent(dataset: xr.Dataset) -> xr.DataArray:
     """Which cases of a study's dataset are not solved, or not measured where the study wants that."""
     solved = dataset.case_status != "missing"

@@ -21,7 +21,7 @@ import xarray as xr
 
 from limo.config import Loaded, load_config
 from limo.cost import duration
-from limo.dataset import absent, completed, gather_study
+from limo.dataset import absent, at_end, completed, gather_study
 from limo.engines.find import find_engines
 from limo.errors import LimoError
 from limo.figures import SHAPES, style, tensile_test
@@ -222,10 +222,12 @@ def _page(loaded: Loaded, gallery: Path) -> str:
         "| study | cases | converged | engine and build | CPU of the solver | longest case | configuration |",
         "|---" * 7 + "|",
     ]
-    sections = []
+    sections, distinct = [], {}
     for name in names:
         dataset = _read(gallery / "data" / f"{name}.nc")
         lines.append(_summary(name, dataset))
+        solved = zip(dataset.case_id.values.ravel(), dataset.solver_time.values.ravel(), strict=True)
+        distinct |= {case_id: seconds for case_id, seconds in solved if np.isfinite(seconds)}
         sections.append(f"## {name}\n\n{dataset.attrs['title'].partition(': ')[2] or name}.")
         sections += [
             f"![{figure} of {name}]({name}_{figure}.png)"
@@ -251,6 +253,7 @@ def _page(loaded: Loaded, gallery: Path) -> str:
             *([further] * bool(sets)),
             *([unkept] * bare),
             "\n".join(lines),
+            f"Together {len(distinct)} distinct cases, {duration(sum(distinct.values()))} of CPU.",
             *sections,
         ]
     ) + "\n"  # fmt: skip
@@ -266,8 +269,7 @@ def _band(dataset: xr.Dataset) -> list[str]:
     if not apart.notnull().any():
         return []
     cases = int(apart.notnull().any("actuation_pressure").sum())
-    end = apart.notnull().cumsum("actuation_pressure").argmax("actuation_pressure")
-    share = float((apart / high).isel(actuation_pressure=end).max())
+    share = float(at_end(apart / high).max())
     return [
         f"Band ({cases} of {low.size // low.sizes['actuation_pressure']} cases): the solutions of one case are at most "
         f"{float(apart.max()):.1f} ml of stroke apart at any P_a, and {100 * share:.1f} % at the highest."

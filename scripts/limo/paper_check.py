@@ -14,6 +14,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from limo.dataset import at_end
 from limo.errors import LimoError
 from limo.files import write_whole
 
@@ -60,9 +61,7 @@ def graded(value: float, low: float, high: float, wider: float) -> str:
 
 def _end(dataset: xr.Dataset, name: str) -> xr.DataArray:
     """A curve's value at the case's own P_a,max; NaN for one that failed before."""
-    known = dataset[name].notnull()
-    last = known.cumsum("actuation_pressure").argmax("actuation_pressure")
-    return dataset[name].isel(actuation_pressure=last).where(dataset.case_status == "converged")
+    return at_end(dataset[name]).where(dataset.case_status == "converged")
 
 
 def _each(array: xr.DataArray) -> np.ndarray:

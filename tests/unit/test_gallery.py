@@ -151,6 +151,15 @@ def test_the_page_says_how_far_apart_the_solutions_of_a_case_are(root):
     assert f"{largest:.1f} ml of stroke apart at any P_a, and 5.0 % at the highest" in sentence
 
 
+@pytest.mark.parametrize(("part", "cases"), [("", 21), ("standard", 42)])
+def test_the_pages_are_those_of_the_data_and_count_shared_cases_once(root, part, cases, monkeypatch):
+    monkeypatch.chdir(root)
+    folder = root / "docs/gallery" / part
+    loaded = load_config(f"config/{part or 'config'}.yaml")
+    assert (page := gallery._page(loaded, folder)) == (folder / gallery.PAGE).read_text()
+    assert f"Together {cases} distinct cases, " in page
+
+
 def test_a_set_of_another_configuration_is_not_mixed_with_this_one(branches, capsys):
     solve(branches, 0)
     assert main(["gallery", "--set", "standard"]) == 0

@@ -35,8 +35,8 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
             style.curve(upper[0], case, "actuation_volume_change", color, lw=width)
             style.curve(upper[1], case, "stroke_volume", color, lw=width)
             for other, axis in enumerate(lower[: len(pressures)]):
-                looks = (color, width, 2) if other == j else ("0.85", 0.7, 1)
-                style.curve(axis, case, "io_ratio", looks[0], lw=looks[1], zorder=looks[2])
+                looks = {"color": color, "lw": width, "zorder": 2} if other == j else {"color": "0.85", "lw": 0.7, "zorder": 1}
+                style.curve(axis, case, "io_ratio", **looks)
     _bars(upper[2], every)
     xlim = (0, float(dataset.actuation_pressure.max()))
     upper[0].set(xlabel="$P_a$ [kPa]", ylabel="Actuation volume $\\Delta V_a$ [ml]", xlim=xlim)

@@ -46,7 +46,7 @@ def _curve(axis, branches: xr.Dataset, case: xr.Dataset) -> None:
     before, after = case.event_pressure.values.astype(float)
     axis.set_title("(a)", loc="left")
     axis.set(xlabel="Actuation pressure $P_a$ [kPa]", ylabel="Stroke volume $\\Delta V_v$ [ml]")
-    axis.plot(pressure, stroke, color=style.COLORS[0])
+    style.curve(axis, curves, "stroke_volume", style.COLORS[0])
     style.band(axis, branches, "stroke_volume", style.COLORS[0])
     if not np.isfinite(before):
         return
@@ -61,7 +61,7 @@ def _curve(axis, branches: xr.Dataset, case: xr.Dataset) -> None:
         text = f"$P_{{a,c{name}}}$ = {x:.4g} kPa"
         axis.annotate(text, (x, y), xytext=(-6, 4), textcoords="offset points", ha="right", va="bottom", fontsize=7)
     inset = axis.inset_axes((0.62, 0.1, 0.36, 0.3))
-    inset.plot(pressure, stroke, color=style.COLORS[0], lw=0.9)
+    style.curve(inset, curves, "stroke_volume", style.COLORS[0], lw=0.9)
     inset.axvspan(before - WINDOW, after + WINDOW, color=style.COLORS[1], alpha=0.25, lw=0)
     inset.tick_params(labelsize=5, length=2, pad=1)
     inset.grid(False)
