@@ -75,7 +75,7 @@ standard: setup ## solve what docs/gallery/standard lacks (hours), add it, and c
 	$(BIN)/limo paper-check --data docs/gallery/standard/data --beside docs/gallery/data --table docs/paper_check.csv --page docs/paper_check.md
 
 schemas: setup ## write the schemas of the configuration files
-	@$(BIN)/python -m limo.config workflow/schemas
+	@$(BIN)/python -m limo.config.json_schemas workflow/schemas
 
 lock: ## write requirements.lock anew from pyproject.toml (delete it first to renew every pin)
 	@$${PYTHON:-python3} -m venv --clear .local/lock

@@ -7,30 +7,23 @@ from snakemake.logging import logger
 
 sys.path.insert(0, str(Path(workflow.basedir) / "scripts"))
 
-from limo.airbag import RUN_CODE, run_content, runs_of
-from limo.case import (
-    EXPORT_CODE,
-    FIELD_CODE,
-    GATHER_CODE,
-    MEASURE_CODE,
-    MESH_CODE,
-    SHAPE_CODE,
-    STRESS_TEST_CODE,
-    code_digest,
-    digest,
-    solve_code,
-)
-from limo.config import ENGINES, load_config
-from limo.cost import plan_costs, ranks
-from limo.device_runs import KEPT_PARTS, TIMED_PARTS, error_studies, kept_file, lacking
+from limo.accuracy.kept_runs import kept_file, lacking
+from limo.accuracy.runs import KEPT_PARTS, TIMED_PARTS, error_studies
+from limo.airbag.model import run_content, runs_of
+from limo.cases.case import ENGINE_CODE, solve_code
+from limo.cases.cost import plan_costs, ranks
+from limo.cases.plan import CROSS_CHECK, make_plan
+from limo.config.load import load_config
 from limo.engines.find import find_builds, find_engines
 from limo.errors import ConfigError, LimoError
-from limo.figures import AIRBAG_FIGURES, DEVICE_FIGURES, SHAPES, items_of, renderer_lacks
-from limo.page import CODE as PAGE_CODE
+from limo.figures.render import renderer_lacks
 from limo.page import TEMPLATES, sources
-from limo.plan import CROSS_CHECK, make_plan
-from limo.progress import enter_sweep
-from limo.sampling import stress_cases
+from limo.reliability.stress_cases import stress_cases
+from limo.schema.figures import AIRBAG_FIGURES, DEVICE_FIGURES, SHAPES, items_of
+from limo.schema.section import ENGINES
+from limo.store.code import code_digest
+from limo.store.digest import digest
+from limo.store.progress import enter_sweep
 
 CONFIG_FILE = config.get("file", "config/config.yaml")
 KEPT_FOLDER = Path("docs/gallery/data")

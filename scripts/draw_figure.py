@@ -8,7 +8,7 @@ import xarray as xr
 from limo.door import logged
 from limo.figures import style
 from limo.figures.measured import read_measured
-from limo.files import write_whole
+from limo.store.files import write_whole
 
 with logged(snakemake.log[0]):  # noqa: F821
     module = import_module(f"limo.figures.{snakemake.wildcards.figure}")  # noqa: F821

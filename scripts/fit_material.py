@@ -2,12 +2,12 @@
 
 from pathlib import Path
 
-from limo.config import load_config
+from limo.config.load import load_config
 from limo.door import logged
 from limo.figures import style
 from limo.figures.tensile_test import draw
-from limo.files import write_netcdf, write_whole
-from limo.material import tensile_test
+from limo.mechanics.tensile_test import tensile_test
+from limo.store.files import write_netcdf, write_whole
 
 with logged(snakemake.log[0]):  # noqa: F821
     dataset = tensile_test(load_config(snakemake.config["file"]).config.tensile_test)  # noqa: F821

@@ -2,12 +2,12 @@
 
 from pathlib import Path
 
-from limo.case import Case
-from limo.config import Limits, Recovery, Solver
+from limo.cases.case import Case
+from limo.cases.solved import keep, restore
 from limo.door import logged
-from limo.plan import keep, restore
-from limo.progress import solving
-from limo.solution import solve_case
+from limo.schema.solver import Limits, Recovery, Solver
+from limo.solve.case import solve_case
+from limo.store.progress import solving
 
 with logged(snakemake.log[0]) as log:  # noqa: F821
     case = Case.from_dict(snakemake.params.case)  # noqa: F821

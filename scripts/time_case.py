@@ -2,11 +2,11 @@
 
 from pathlib import Path
 
-from limo.case import Case
-from limo.config import Solver
+from limo.cases.case import Case
 from limo.door import logged
-from limo.files import read_json, write_json
-from limo.repeatability import cpu_times
+from limo.reliability.repeatability import cpu_times
+from limo.schema.solver import Solver
+from limo.store.files import read_json, write_json
 
 with logged(snakemake.log[0]):  # noqa: F821
     case, chosen = Case.from_dict(snakemake.params.case), snakemake.config["solving"]  # noqa: F821

@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 
-from limo import airbag_solution
-from limo.airbag import Run, build_model
-from limo.airbag_solution import solve_run
-from limo.assembly import Assembly
-from limo.config import Solver, load_config
-from limo.engines import calculix
+from limo.airbag import solve as airbag_solution
+from limo.airbag.model import Run, build_model
+from limo.airbag.solve import solve_run
+from limo.config.load import load_config
+from limo.engines.calculix import build as ccx_build
+from limo.engines.newton.assembly import Assembly
+from limo.schema.solver import Solver
 
 from .conftest import ROOT
 
@@ -21,7 +22,7 @@ def classical():
 @pytest.fixture(scope="module")
 def solved(classical):
     def run(element: str, engine: str, divisions: int, planes: str = "hinged"):
-        command = calculix.find_ccx(Solver()) if engine == "calculix" else None
+        command = ccx_build.find_ccx(Solver()) if engine == "calculix" else None
         found = solve_run(classical, Run(element, engine, divisions, (100.0, 10.0), planes), Solver(), command)
         assert found.status.item() == "converged", found.reason.item()
         return found

@@ -10,20 +10,22 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from limo import deck
-from limo.assembly import Assembly
-from limo.case import Case
-from limo.config import Solver
-from limo.elements import HEX20
-from limo.engines import calculix, newton
-from limo.engines.pardiso import SymmetricSolver
-from limo.equilibrium import residual
-from limo.frd import FrdFile
-from limo.model import Equation, Model, Pressure, build_model
-from limo.volumes import volumes
-from tests.unit.patches import curved_patch, grid, patch_mesh, patch_model
-
-from .conftest import small_mesh, with_
+from limo.cases.case import Case
+from limo.engines.calculix import build as ccx_build
+from limo.engines.calculix import deck
+from limo.engines.calculix import run as calculix
+from limo.engines.calculix.frd import FrdFile
+from limo.engines.newton import iteration as newton
+from limo.engines.newton.assembly import Assembly
+from limo.engines.newton.pardiso import SymmetricSolver
+from limo.mechanics.build import build_model
+from limo.mechanics.equilibrium import residual
+from limo.mechanics.model import Equation, Model, Pressure
+from limo.mechanics.volumes import volumes
+from limo.mesh.elements import HEX20
+from limo.schema.solver import Solver
+from tests.helpers.cases import small_mesh, with_
+from tests.helpers.patches import curved_patch, grid, patch_mesh, patch_model
 
 
 def tight(case: Case, **changes) -> Case:
@@ -283,7 +285,7 @@ def handed_to_calculix(model: Model, u: np.ndarray, folder: Path, before: float,
         lines += ["*NODE OUTPUT, FREQUENCY=100", "U", "*END STEP"]
     folder.mkdir(parents=True)
     (folder / "deck.inp").write_text("\n".join(lines) + "\n")
-    outcome = calculix.run(folder, calculix.find_ccx(Solver()), Solver(), 3.0)
+    outcome = calculix.run(folder, ccx_build.find_ccx(Solver()), Solver(), 3.0)
     assert outcome.status == "converged", outcome.reason
     with FrdFile(folder / "deck.frd") as frd:
         states = [frd.displacements(frame, count + 20)[: model.reference_start] for frame in frd.frames]

@@ -8,20 +8,27 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from limo import solution
-from limo.case import OWN_MESH, Case, Wanted
-from limo.config import Fatigue, Limits, MeshLevel, Rung, Solver
-from limo.engines import calculix, newton
+from limo.cases.case import OWN_MESH, Case
+from limo.cases.solved import solved_cases
+from limo.cases.wanted import Wanted
+from limo.engines.calculix import build as ccx_build
+from limo.engines.newton import iteration as newton
 from limo.errors import MeshError
-from limo.files import read_json
-from limo.measures import measure_case, open_case
-from limo.mesh import mesh_device, write_mesh
-from limo.model import build_model
-from limo.plan import solved_cases
-from limo.solution import ML, follow, ramp_of, solve_case
-from limo.volumes import volumes
-
-from .conftest import small_mesh, with_
+from limo.measure.case import measure_case
+from limo.measure.frames import open_case
+from limo.measure.ramp import ramp_of
+from limo.mechanics.build import build_model
+from limo.mechanics.volumes import volumes
+from limo.mesh.device import mesh_device
+from limo.mesh.file import write_mesh
+from limo.schema.fatigue import Fatigue
+from limo.schema.numerics import MeshLevel
+from limo.schema.solver import Limits, Rung, Solver
+from limo.solve import case as solution
+from limo.solve.case import follow, solve_case
+from limo.solve.harvest import ML
+from limo.store.files import read_json
+from tests.helpers.cases import small_mesh, with_
 
 MAXIMUM = 6.0  # kPa
 
@@ -172,7 +179,7 @@ def test_calculix_climbs_from_a_start_that_fails(made, tmp_path):
     short = with_(case, engine="calculix", numerics=numerics, actuation_pressure_max=0.5, frames=(0.0, 0.5))
     gentler = {"first_increment": 2e-3, "smallest_increment": 1e-5, "controls.cutbacks": 20}
     rung = Rung(name="smaller_start", multiply=gentler)
-    status = solve_case(short, file, tmp_path, Solver(), calculix.find_ccx(Solver()), Limits(), [rung])
+    status = solve_case(short, file, tmp_path, Solver(), ccx_build.find_ccx(Solver()), Limits(), [rung])
     assert [a["status"] for a in status["attempts"]] == ["diverged", "converged"]
     assert status["attempts"][0]["ended_in"] == "fit"
     assert status["status"] == "converged", status["reason"]

@@ -7,10 +7,12 @@ import signal
 
 import pytest
 
-from limo import scaling
-from limo.config import Scaling, Solver
-from limo.engines.calculix import find_ccx
-from limo.scaling import COLUMNS, INCREMENTS, ITERATIONS, MEASURED, measure_scaling, read_scaling
+from limo.accuracy import scaling
+from limo.accuracy.scaling import INCREMENTS, ITERATIONS, measure_scaling
+from limo.accuracy.sizes import COLUMNS, MEASURED, read_scaling
+from limo.engines.calculix.build import find_ccx
+from limo.schema.accuracy import Scaling
+from limo.schema.solver import Solver
 
 
 @pytest.fixture

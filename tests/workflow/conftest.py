@@ -11,11 +11,11 @@ from pathlib import Path
 import pytest
 import yaml
 
-from limo.case import describe
-from limo.config import load_config
+from limo.cases.case import describe
+from limo.cases.plan import Plan, make_plan
+from limo.config.load import load_config
 from limo.engines.find import find_engines
-from limo.files import write_json
-from limo.plan import Plan, make_plan
+from limo.store.files import write_json
 
 ROOT = Path(__file__).parents[2]
 STUDY = {

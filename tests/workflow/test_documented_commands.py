@@ -16,7 +16,7 @@ from pathlib import Path
 
 import pytest
 
-from limo.cli import main, make_parser
+from limo.terminal.cli import main, make_parser
 
 from .conftest import ROOT
 

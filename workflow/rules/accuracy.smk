@@ -8,7 +8,7 @@ rule solve_airbag:
     threads: LOADED.config.solver.threads
     params:
         content=airbag_content,
-        code=lambda wildcards: code_digest(RUN_CODE[airbag_run(wildcards).engine]),
+        code=lambda wildcards: code_digest("solve_airbag", ENGINE_CODE[airbag_run(wildcards).engine]),
     message:
         "Inflate the airbag {wildcards.airbag} with {wildcards.run}"
     script:
@@ -26,7 +26,7 @@ rule gather_airbag:
         "../envs/limo.yaml"
     params:
         content=lambda wildcards: LOADED.airbags[wildcards.airbag].model_dump(mode="json"),
-        code=code_digest(("airbag_solution",)),
+        code=code_digest("gather_airbag"),
     message:
         "Gather the airbag {wildcards.airbag}"
     script:
@@ -38,8 +38,6 @@ rule draw_airbag:
         dataset="results/airbags/{airbag}/airbag.nc",
         shapes=[],
         measured=[],
-        style=f"{workflow.basedir}/scripts/limo/figures/style.py",
-        source=f"{workflow.basedir}/scripts/limo/figures/{{figure}}.py",
     output:
         report(
             "docs/gallery/{airbag}_{figure}.png",
@@ -55,6 +53,7 @@ rule draw_airbag:
         "../envs/limo.yaml"
     params:
         caption=caption,
+        code=figure_code,
     message:
         "Draw {wildcards.figure} of the airbag {wildcards.airbag}"
     script:
@@ -71,7 +70,7 @@ rule keep_airbags:
     conda:
         "../envs/limo.yaml"
     params:
-        code=code_digest(("accuracy",)),
+        code=code_digest("keep_airbags"),
     message:
         "Keep the rows of the airbags"
     script:
@@ -132,7 +131,7 @@ rule measure_scaling:
     threads: 4096
     params:
         content=scaling_content,
-        code=code_digest(("scaling",)),
+        code=lambda wildcards: code_digest("measure_scaling", ENGINE_CODE[wildcards.engine]),
     message:
         "Iterate ever larger models with {wildcards.engine}"
     script:
@@ -152,7 +151,7 @@ rule gather_accuracy:
     params:
         sources={name: served_by(name) for name in ERROR_STUDIES},
         presets=digest({name: preset.model_dump(mode="json") for name, preset in LOADED.config.presets.items()}),
-        code=code_digest(("device_errors", "device_runs")),
+        code=code_digest("gather_accuracy"),
     message:
         "Gather the errors of the settings of the device"
     script:
@@ -164,8 +163,6 @@ rule draw_accuracy:
         dataset="results/accuracy/accuracy.nc",
         shapes=[],
         measured=[],
-        style=f"{workflow.basedir}/scripts/limo/figures/style.py",
-        source=f"{workflow.basedir}/scripts/limo/figures/{{figure}}.py",
     output:
         report(
             "docs/gallery/{figure}.png",
@@ -181,6 +178,7 @@ rule draw_accuracy:
         "../envs/limo.yaml"
     params:
         caption=caption,
+        code=figure_code,
     message:
         "Draw {wildcards.figure} of the device"
     script:

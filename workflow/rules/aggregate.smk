@@ -10,7 +10,7 @@ rule gather_study:
     params:
         content=study_content,
         sources=study_sources,
-        code=code_digest(GATHER_CODE),
+        code=code_digest("gather_study"),
     message:
         "Gather {wildcards.study}"
     script:
@@ -27,7 +27,7 @@ rule export_study:
     conda:
         "../envs/limo.yaml"
     params:
-        code=code_digest(EXPORT_CODE),
+        code=code_digest("export_study"),
     message:
         "Write {wildcards.study} as a table"
     script:
@@ -47,7 +47,7 @@ rule gather_shapes:
         content=study_content,
         figures=lambda wildcards: items_of(LOADED.studies[wildcards.study].figures),
         sources=study_sources,
-        code=code_digest(SHAPE_CODE),
+        code=code_digest("gather_shapes"),
     message:
         "Gather the shapes of {wildcards.study}"
     script:

@@ -36,6 +36,11 @@ def caption(wildcards):
     return Path(f"{workflow.basedir}/workflow/report/{wildcards.figure}.rst").read_text(encoding="utf-8")
 
 
+def figure_code(wildcards):
+    """Hash of the code that draws a figure."""
+    return code_digest("draw_figure", f"limo.figures.{wildcards.figure}")
+
+
 def study_results(wildcards):
     """Results of the cases that serve a study, and of those it is compared with."""
     name = wildcards.study

@@ -3,13 +3,6 @@ rule draw_figure:
         dataset="results/studies/{study}/study.nc",
         shapes=lambda wildcards: f"results/studies/{wildcards.study}/shapes.nc" if wildcards.figure in SHAPES else [],
         measured=lambda wildcards: LOADED.studies[wildcards.study].measured or [],
-        style=f"{workflow.basedir}/scripts/limo/figures/style.py",
-        pictures=lambda wildcards: (
-            expand(f"{workflow.basedir}/scripts/limo/figures/{{name}}.py", name=["pictures", "render", "surface"])
-            if wildcards.figure in SHAPES
-            else []
-        ),
-        source=f"{workflow.basedir}/scripts/limo/figures/{{figure}}.py",
     output:
         report(
             "results/studies/{study}/figures/{figure}.png",
@@ -25,6 +18,7 @@ rule draw_figure:
         "../envs/limo.yaml"
     params:
         caption=caption,
+        code=figure_code,
     message:
         "Draw {wildcards.figure} of {wildcards.study}"
     script:

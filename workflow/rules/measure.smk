@@ -15,7 +15,7 @@ rule measure_case:
     params:
         wanted=lambda wildcards: PLAN.wanted[wildcards.case].to_dict(),
         fatigue=fatigue_of,
-        code=code_digest(MEASURE_CODE),
+        code=code_digest("measure_case"),
     message:
         "Measure {wildcards.case}"
     script:
@@ -37,7 +37,7 @@ rule write_fields:
     params:
         wanted=lambda wildcards: PLAN.wanted[wildcards.case].to_dict(),
         fatigue=fatigue_of,
-        code=code_digest((*FIELD_CODE, "vtu")),
+        code=code_digest("write_fields"),
     message:
         "Write the fields of {wildcards.case} for ParaView"
     script:

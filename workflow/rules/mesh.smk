@@ -10,7 +10,7 @@ rule mesh_device:
         "../envs/limo.yaml"
     params:
         content=mesh_content,
-        code=code_digest(MESH_CODE),
+        code=code_digest("mesh_device"),
     message:
         "Mesh {wildcards.mesh}"
     script:

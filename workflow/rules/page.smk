@@ -11,7 +11,7 @@ rule page:
         "../envs/limo.yaml"
     params:
         studies=lambda wildcards: {name: (study.description, study.figures) for name, study in LOADED.studies.items()},
-        code=code_digest(PAGE_CODE),
+        code=code_digest("write_page"),
     message:
         "Gather what is there into a page"
     script:

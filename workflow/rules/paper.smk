@@ -17,8 +17,6 @@ PAPER = [
 rule fit_material:
     input:
         data=LOADED.config.tensile_test.data,
-        style=f"{workflow.basedir}/scripts/limo/figures/style.py",
-        figure=f"{workflow.basedir}/scripts/limo/figures/tensile_test.py",
     output:
         dataset="results/material/tensile_test.nc",
         png=report("results/material/tensile_test.png", caption="../report/tensile_test.rst", category="material"),
@@ -29,7 +27,7 @@ rule fit_material:
         "../envs/limo.yaml"
     params:
         test=LOADED.config.tensile_test.model_dump(mode="json"),
-        code=code_digest(("material",)),
+        code=code_digest("fit_material"),
     message:
         "Fit the modulus of the fabric"
     script:
@@ -47,7 +45,7 @@ rule check_paper:
     conda:
         "../envs/limo.yaml"
     params:
-        code=code_digest(("paper_check",)),
+        code=code_digest("check_paper"),
     message:
         "Test the statements of the paper"
     script:

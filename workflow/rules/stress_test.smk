@@ -9,7 +9,7 @@ rule stress_test:
         "../envs/limo.yaml"
     params:
         cases=[[*key, case_id] for key, case_id in STRESS_TEST.items()],
-        code=code_digest(STRESS_TEST_CODE),
+        code=code_digest("stress_test"),
     message:
         "Gather the stress test"
     script:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from limo.config import STAGES
+from limo.schema.section import STAGES
 
 
 @dataclass(frozen=True)

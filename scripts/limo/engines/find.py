@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Collection
 from pathlib import Path
 
-from limo.config import Loaded
-from limo.engines import calculix, pardiso
+from limo.config.project import Loaded
+from limo.engines.calculix import build as ccx_build
+from limo.engines.newton import pardiso
 
 
 def find_engines(loaded: Loaded, config_file: str) -> Path | None:
@@ -25,6 +26,6 @@ def find_builds(loaded: Loaded, config_file: str, engines: Collection[str]) -> P
         loaded.builds["newton"] = f"mkl-{pardiso.mkl_version()}"
     if "calculix" not in engines:
         return None
-    command = calculix.find_ccx(loaded.config.solver, config_file)
-    loaded.builds["calculix"] = calculix.build_id(command)
+    command = ccx_build.find_ccx(loaded.config.solver, config_file)
+    loaded.builds["calculix"] = ccx_build.build_id(command)
     return command

@@ -9,7 +9,8 @@ import xarray as xr
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullLocator, ScalarFormatter
 
-from limo.device_errors import PAPER_CHAMFER, PAPER_HEIGHT, rows_of
+from limo.accuracy.errors import PAPER_HEIGHT
+from limo.accuracy.statistics import PAPER_CHAMFER, rows_of
 from limo.figures import style
 from limo.figures.accuracy_cost import MARKERS
 

@@ -8,7 +8,7 @@ import pandas as pd
 import xarray as xr
 from matplotlib.lines import Line2D
 
-from limo.device_errors import pareto, rows_of, scatter_row, settings_of
+from limo.accuracy.statistics import pareto, rows_of, scatter_row, settings_of
 from limo.figures import style
 
 #: errors of the panels of a device

@@ -7,7 +7,7 @@ import pandas as pd
 import xarray as xr
 from matplotlib.lines import Line2D
 
-from limo.device_errors import exponent, models_of, rows_of, scaling_of, sizes_of
+from limo.accuracy.statistics import exponent, models_of, rows_of, scaling_of, sizes_of
 from limo.figures import style
 from limo.figures.accuracy_cost import MARKERS
 

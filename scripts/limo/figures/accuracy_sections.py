@@ -10,9 +10,10 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection
 from matplotlib.colors import Normalize
 
-from limo.device_errors import SECTION, rows_of
+from limo.accuracy.statistics import rows_of
+from limo.accuracy.surfaces import SECTION
 from limo.figures import style
-from limo.figures.surface import mirrors
+from limo.mesh.surface import mirrors
 
 
 def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):

@@ -8,11 +8,11 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from limo.config import Fatigue
-from limo.fatigue import cycles_to_failure
 from limo.figures import pictures
 from limo.figures.render import Scale, Scene
-from limo.figures.surface import Facets, facets
+from limo.measure.fatigue import cycles_to_failure
+from limo.mesh.surface import Facets, facets
+from limo.schema.fatigue import Fatigue
 
 
 def cycles_of(amplitude: np.ndarray, distance: np.ndarray, fatigue: Fatigue) -> np.ndarray:

@@ -8,7 +8,7 @@ import xarray as xr
 
 from limo.figures import pictures
 from limo.figures.render import Scale, Scene
-from limo.figures.surface import facets
+from limo.mesh.surface import facets
 
 #: pressures of the columns: what is added to P_v in kPa, None for P_a = 0; beyond P_a,max the highest P_a stands for it
 COLUMNS = (None, 10.0, 20.0, 40.0, 60.0)

@@ -15,9 +15,9 @@ from matplotlib.patches import Rectangle
 
 from limo.figures import style
 from limo.figures.render import Camera, Scale, Scene, render
-from limo.figures.surface import Facets, Surface, facets, full_device, surface_of
-from limo.judge import USABLE
-from limo.mesh import LAYERS
+from limo.mesh.layers import LAYERS
+from limo.mesh.surface import Facets, Surface, facets, full_device, surface_of
+from limo.store.statuses import USABLE
 
 SYMBOLS = {
     "n_pouches": "$N_p$ = {:g}",

@@ -5,14 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-from limo.case import FIELD_CODE
-
 FILE = "index.html"  # in the folder of results
 BUDGET = 20_000_000  # bytes of a page
 FOLDER = Path(__file__).parent
 TEMPLATES = ("page.html", "page.css", "page.js", "curves.js", "device.js")
-#: modules whose code decides what is on the page
-CODE = (*FIELD_CODE, "figures.cycles", "figures.surface", "page.curves", "page.devices", "page.packing", "page.write", "tables")
 
 
 def dataset_of(results: Path, study: str) -> Path:

@@ -15,20 +15,20 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from limo.case import Case
-from limo.config import Fatigue
+from limo.cases.case import Case
+from limo.datasets.shapes import mesh_values
 from limo.errors import LimoError, ResultError
 from limo.figures.cycles import cycles_of
 from limo.figures.pictures import rounded_up
-from limo.figures.surface import Surface, borders, divided, grid
-from limo.files import read_json
-from limo.layer import SIDES, inside_out, layer_state, nodal, surface_points
-from limo.measures import CaseFrames, open_case
-from limo.mesh import LAYERS, DeviceMesh
-from limo.model import Model
+from limo.measure.frames import CaseFrames, open_case
+from limo.measure.strain import inplane_angle, membrane_principal
+from limo.mechanics.layer import SIDES, inside_out, layer_state, nodal, surface_points
+from limo.mechanics.model import Model
+from limo.mesh.layers import LAYERS, DeviceMesh
+from limo.mesh.surface import Surface, borders, divided, grid
 from limo.page.packing import pack, pack_steps
-from limo.shapes import mesh_values
-from limo.strain import inplane_angle, membrane_principal
+from limo.schema.fatigue import Fatigue
+from limo.store.files import read_json
 
 MOST_PRESSURES = 20  # of a case
 _FEWER = (MOST_PRESSURES, 15, 12, 10, 8, 6, 5, 4, 3, 2)  # what is tried until a page is small enough

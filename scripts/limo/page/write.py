@@ -20,15 +20,15 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from PIL import Image
 from plotly.offline import get_plotlyjs
 
-from limo.config import Study
+from limo.datasets.variables import SYMBOLS, place
 from limo.errors import ResultError
 from limo.figures.style import COLORS
-from limo.files import read_json, write_whole
 from limo.page import BUDGET, FILE, FOLDER, TEMPLATES, dataset_of
 from limo.page.curves import curves
 from limo.page.devices import Devices
 from limo.page.packing import pack_bytes
-from limo.tables import SYMBOLS, place
+from limo.schema.study import Study
+from limo.store.files import read_json, write_whole
 
 CAPTIONS = FOLDER.parents[2] / "workflow" / "report"
 _QUALITY = 85  # of pictures, in percent

@@ -1,0 +1,412 @@
+"""The part of docs/accuracy.md about the device: what every setting costs and how wrong it is, from the kept dataset alone.
+
+Whatever a run is needed for that is not in the dataset says *not measured*.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from limo.accuracy.errors import CURVES, PAPER_HEIGHT
+from limo.accuracy.statistics import (
+    PAPER_CHAMFER,
+    exponent,
+    models_of,
+    richardson,
+    rows_of,
+    scaling_of,
+    scatter_row,
+    settings_of,
+    sizes_of,
+)
+from limo.reports.markdown import markdown_table, number, signed_percent
+from limo.schema.config import Preset
+from limo.store.statuses import USABLE
+
+NOT_MEASURED = "not measured"
+#: the mesh of which the paper says so
+PAPER_LEVEL = "medium"
+#: memory (MiB) of the machine that models have to fit into
+MEMORY = 24 * 1024
+_COLUMNS = {
+    "volumes": "error_volumes",
+    "V_v": "error_ventricle_volume",
+    "Delta V_a": "error_actuation_volume",
+    "stroke": "error_stroke",
+    "P_a at 90 ml": "error_pressure_90ml",
+    "eta at 90 ml": "error_efficiency_90ml",
+    "stress": "error_stress",
+    "w": "error_height",
+    "d_c / L": "error_chamfer",
+}
+_HEAD = """## The device
+
+Two devices: `np4`, N_p = 4 at P_v = 13.8 kPa as in the paper, and `np8`, N_p = 8 at P_v = 3.8 kPa. Each setting is solved once
+(`config/studies/accuracy_*`, `shells_*`) and compared with the mean of runs on the finest mesh whose flat states differ by a
+fraction of a thickness (`reference_*`); such runs on coarser meshes (`scatter_*`) tell how far apart the same setting lands.
+`referee_*` is CalculiX itself on a finer mesh. `volumes` is the larger relative L2 error of V_v and Delta V_a over the ramp,
+`stress` that of the top-5 % von Mises stress at P_a,max, `w` that of the largest w there, `d_c` the symmetric Chamfer distance of
+the surfaces there. **An error within the scatter says nothing**: it is marked with ~. All runs keep 21 frames, which change no
+curve but cost newton iterations (`docs/methods.md`). Rows and curves: `docs/gallery/data/accuracy.nc`. Reference and referee take
+hours: their runs are solved once and kept with their curves and surfaces in `docs/gallery/data/<study>_runs.nc`; without that
+file they are solved anew."""
+_SCALING = (
+    "CPU time by whole runs that differ in mesh level and symmetry alone; time of an iteration and memory by models of the full "
+    "device that were iterated a few times from flat, as far as memory and patience go (`scaling` in `config/config.yaml`)."
+)
+_TO_MEASURE = "`make accuracy` measures it."
+
+
+def device_report(dataset: xr.Dataset | None, presets: dict[str, Preset]) -> str:
+    """The section *The device*; without a dataset the questions without answers."""
+    parts = [_HEAD]
+    if dataset is None:
+        return "\n\n".join([*parts, _TO_MEASURE, markdown_table(_presets(None, presets)), _answers({})])
+    rows = rows_of(dataset)
+    builds, machines = (", ".join(sorted(set(rows[name][rows[name] != ""]))) for name in ("build", "machine"))
+    parts.append(
+        "CPU seconds of one thread by the operating system's accounting, two cases side by side. `timed` is how many solves they "
+        "are the median of; a case of less than a minute is solved again for that. Machines and builds: "
+        f"{machines}; {builds}." + " Seconds of different machines are not to be compared." * ("," in machines)
+    )
+    names = list(dict.fromkeys(rows.device))
+    parts += ["### Presets", markdown_table(pd.concat([_presets(rows[rows.device == name], presets, name) for name in names]))]
+    parts += ["### Answers", _answers({name: _answers_of(dataset, rows[rows.device == name]) for name in names})]
+    parts += ["### What it takes to solve larger models", _SCALING, markdown_table(_scaling(rows, sizes_of(dataset)))]
+    for name in names:
+        parts += [f"### Every setting of `{name}`", markdown_table(_settings(rows[rows.device == name]))]
+    return "\n\n".join(parts)
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# tables
+
+
+def _presets(rows: pd.DataFrame | None, presets: dict[str, Preset], device: str = "-") -> pd.DataFrame:
+    """A line a preset: what it is, what it costs and how wrong it is."""
+    table = []
+    for name, preset in presets.items():
+        own = None if rows is None else _first(settings_of(rows), preset=name)
+        line = {"device": device, "preset": name, "level": preset.mesh.level, "symmetry": preset.mesh.symmetry}
+        line |= {
+            "engine": preset.engine,
+            "solutions": preset.branches,
+            "CPU of one [s]": NOT_MEASURED if own is None else f"{own.cpu_seconds:.0f}",
+        }
+        line |= {"memory [MiB]": NOT_MEASURED if own is None else f"{own.memory_mib:.0f}"}
+        for label in ("volumes", "stroke", "stress"):
+            line[f"error of {label}"] = NOT_MEASURED if own is None else _error(own, _COLUMNS[label], rows)
+        table.append(line)
+    return pd.DataFrame(table)
+
+
+def _settings(rows: pd.DataFrame) -> pd.DataFrame:
+    """A line a run, the scatter of both ensembles first; with the machine where there are several."""
+    table, several = [], rows.machine.nunique() > 1
+    for row in rows.sort_values("kind", ascending=False, kind="stable").itertuples():
+        what = row.setting if row.kind == "run" else f"{row.kind} of {row.setting}"
+        line = {
+            "setting": what if row.branch == 0 or row.kind != "run" else f"{what}, branch {row.branch:.0f}",
+            "instead of the default": row.change or "-",
+            "engine": row.engine,
+            "dof": f"{row.degrees_of_freedom:.0f}",
+            "status": f"{row.status}: {row.reason}" if row.reason else row.status,
+        }
+        own = row._asdict()
+        line |= {label: _error(own, column, rows if row.kind == "run" else None) for label, column in _COLUMNS.items()}
+        line["cycles [decades]"] = number(own["error_cycles"], 2)
+        line["dissipated"] = _percent(row.dissipated_fraction)
+        line["CPU [s]"] = number(row.cpu_seconds, 0)
+        line["timed"] = number(row.timed, 0)
+        line["iterations"] = number(row.iterations, 0)
+        line["memory [MiB]"] = number(row.memory_mib, 0)
+        table.append(line | ({"machine": row.machine} if several else {}))
+    return pd.DataFrame(table)
+
+
+def _scaling(rows: pd.DataFrame, sizes: pd.DataFrame) -> pd.DataFrame:
+    """Exponents over the displacements that are solved for, the largest model that was tried, and what fits into the machine."""
+    table = []
+    for engine, of in scaling_of(rows).groupby("engine", sort=False):
+        size, models = of.solved_degrees_of_freedom, models_of(of, sizes).sort_values("displacements")
+        largest = models.iloc[-1]
+        table.append(
+            {
+                "engine": engine,
+                "runs": len(of),
+                "displacements": f"{size.min():.0f} to {size.max():.0f}",
+                "exponent of CPU time": number(exponent(size, of.cpu_seconds)[0], 2),
+                "of an iteration": number(exponent(models.displacements, models.seconds_per_iteration)[0], 2),
+                "of memory": number(exponent(models.displacements, models.memory_mib)[0], 2),
+                "largest model": number(largest.displacements, 0),
+                "s an iteration": number(largest.seconds_per_iteration, 1),
+                "MiB": number(largest.memory_mib, 0),
+                "extrapolated from the last two: displacements in 24 GiB": number(_fitting(models) if len(sizes) else np.nan, 0),
+            }
+        )
+    return pd.DataFrame(table)
+
+
+def _fitting(models: pd.DataFrame) -> float:
+    """Displacements of which the memory is ``MEMORY``, by the power law through the two largest models; NaN of fewer."""
+    if len(models) < 2:
+        return float("nan")
+    before, last = models.iloc[-2], models.iloc[-1]
+    power = np.log(last.memory_mib / before.memory_mib) / np.log(last.displacements / before.displacements)
+    return float(last.displacements * (MEMORY / last.memory_mib) ** (1 / power))
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# questions
+
+QUESTIONS = {
+    "preview": "What does `preview` cost, and how wrong is it, for volumes and for stress?",
+    "symmetry": "Does quarter symmetry change volumes, and by how much?",
+    "shells": "Is S8R as good as S8?",
+    "damping": "How much damping is harmless?",
+    "mesh": "Which mesh would you pay for?",
+    "paper": "Where does the paper's 2 % stand?",
+    "scatter": "Scatter of paths or discretisation error?",
+    "limit": "How far is the reference itself from the limit of ever finer meshes?",
+    "engines": "CalculiX against newton at `medium`?",
+}
+
+
+def _answers(found: dict[str, dict[str, str]]) -> str:
+    """Each question with the answer of each device."""
+    lines = []
+    for key, question in QUESTIONS.items():
+        each = [f"  - `{device}`: {answers[key]}." for device, answers in found.items()] or [f"  - {NOT_MEASURED}."]
+        lines.append("\n".join([f"- **{question}**", *each]))
+    return "\n".join(lines)
+
+
+def _answers_of(dataset: xr.Dataset, rows: pd.DataFrame) -> dict[str, str]:
+    """The answers of one device by the keys of ``QUESTIONS``."""
+    return {
+        "preview": _preview(rows),
+        "symmetry": _symmetry(dataset, rows),
+        "shells": _shells(dataset, rows),
+        "damping": _damping(dataset, rows),
+        "mesh": _mesh(rows),
+        "paper": _paper(rows),
+        "scatter": _scatter(rows),
+        "limit": _limit(rows),
+        "engines": _engines(dataset, rows),
+    }
+
+
+def differences(dataset: xr.Dataset, run: int, other: int) -> dict[str, float]:
+    """How far a row is from another: relative L2 of the curves over the ramp, and relative differences of values; signed."""
+    found = {}
+    for name in CURVES:
+        own, theirs = dataset[name].values[[run, other]].astype(float)
+        known = np.isfinite(theirs)
+        found[name] = float(np.linalg.norm((own - theirs)[known]) / np.linalg.norm(theirs[known])) if known.any() else np.nan
+    for name in ("stroke", "stress", "height", "cpu_seconds"):
+        own, theirs = dataset[name].values[[run, other]].astype(float)
+        found[name] = float(own / theirs - 1.0)
+    return found | {"volumes": max(found[name] for name in CURVES)}
+
+
+def _compared(dataset: xr.Dataset, run: pd.Series, other: pd.Series) -> str:
+    found = differences(dataset, run.name, other.name)
+    stroke, stress = signed_percent(found["stroke"]), signed_percent(found["stress"])
+    times = f", CPU time {number(1 + found['cpu_seconds'], 2)} times" if run.machine == other.machine else ""
+    return f"volumes {_percent(found['volumes'])}, stroke {stroke}, stress {stress}{times}"
+
+
+def _preview(rows: pd.DataFrame) -> str:
+    own = _first(settings_of(rows), preset="preview")
+    if own is None:
+        return NOT_MEASURED
+    return (
+        f"{own.cpu_seconds:.0f} s of CPU time and {own.memory_mib:.0f} MiB; volumes {_error(own, 'error_volumes', rows)}, stroke "
+        f"{_error(own, 'error_stroke', rows)}, stress {_error(own, 'error_stress', rows)}"
+    )
+
+
+def _against_default(dataset: xr.Dataset, settings: pd.DataFrame, varied: str) -> list[str]:
+    """The runs that differ from the default of their engine in one column alone, each beside it."""
+    lines = []
+    for _, run in settings[settings.varied == varied].iterrows():
+        if (base := _first(settings, varied="", engine=run.engine)) is not None:
+            lines.append(f"{run[varied]} against {base[varied]} with {run.engine}: {_compared(dataset, run, base)}")
+    return lines
+
+
+def _symmetry(dataset: xr.Dataset, rows: pd.DataFrame) -> str:
+    return _with_scatter(_against_default(dataset, settings_of(rows), "symmetry"), rows)
+
+
+def _shells(dataset: xr.Dataset, rows: pd.DataFrame) -> str:
+    settings, lines = settings_of(rows), []
+    reduced, full = _first(settings, element="S8R"), _first(settings, element="S8")
+    if reduced is not None and full is not None:
+        lines.append(f"S8R against S8: {_compared(dataset, reduced, full)}")
+        bricks = settings[(settings.symmetry == "full") & (settings.element == "C3D20R")]
+        if len(bricks):
+            lines.append(
+                f"S8R against bricks of the full device by {bricks.iloc[0].engine}: {_compared(dataset, reduced, bricks.iloc[0])}"
+            )
+    usable = rows[(rows.kind == "run") & (rows.branch == 0) & rows.status.isin(USABLE)]
+    for _, run in usable[usable.varied.isin(["element", "level, element"])].iterrows():
+        if (base := _first(settings, level=run.level, symmetry=run.symmetry, element="C3D20R", engine=run.engine)) is not None:
+            off = " and ".join(_error(row, "error_stroke", rows) for row in (run, base))
+            lines.append(
+                f"{run.element} against C3D20R on `{run.level}` with {run.engine}: {_compared(dataset, run, base)}; strokes are "
+                f"off the reference by {off}" + f" ({run.status})" * (run.status != "converged")
+            )
+    return _with_scatter(lines, rows)
+
+
+def _damping(dataset: xr.Dataset, rows: pd.DataFrame) -> str:
+    settings, lines = settings_of(rows), []
+    scatter = scatter_row(rows, "scatter")
+    for _, run in settings[settings.change.str.contains("damping")].iterrows():
+        if (base := _first(settings, varied="", engine=run.engine)) is None:
+            continue
+        found = differences(dataset, run.name, base.name)
+        verdict = ""
+        if scatter is not None:
+            harmless = found["volumes"] <= scatter.error_volumes and abs(found["stress"]) <= scatter.error_stress
+            verdict = ": harmless" if harmless else ": not harmless"
+        lines.append(
+            f"{run.change} 1/s, {_compared(dataset, run, base)}, dissipated {_percent(run.dissipated_fraction)} instead of "
+            f"{_percent(base.dissipated_fraction)}{verdict}"
+        )
+    return _with_scatter(lines, rows)
+
+
+def _mesh(rows: pd.DataFrame) -> str:
+    """The cheapest mesh level whose volumes are within the paper's 2 %, or within the scatter where that is larger."""
+    settings, scatter = settings_of(rows), scatter_row(rows, "reference")
+    levels = settings[settings.varied.isin(["", "level"]) & np.isfinite(settings.error_volumes)]
+    if levels.empty or scatter is None:
+        return NOT_MEASURED
+    bound = max(PAPER_HEIGHT, scatter.error_volumes)
+    good = levels[levels.error_volumes <= bound].sort_values("cpu_seconds")
+    wanted = f"volumes within {_percent(bound)}, the larger of 2 % and the scatter on the finest mesh"
+    if good.empty:
+        return f"none of {', '.join(dict.fromkeys(levels.level))} has {wanted}"
+    best = good.iloc[0]
+    named = f", preset `{best.preset}`," if best.preset else ""
+    return (
+        f"`{best.level}` with {best.engine}{named} for {best.cpu_seconds:.0f} s is the cheapest with {wanted}; its stress is "
+        f"off by {_error(best, 'error_stress', rows)}"
+    )
+
+
+def _paper(rows: pd.DataFrame) -> str:
+    """Largest w and d_c / L as the paper takes them, of the mesh that it says so of and of its own element at its own density."""
+    settings, lines = settings_of(rows), []
+    for _, run in settings[settings.varied.isin(["", "level"]) & (settings.level == PAPER_LEVEL)].iterrows():
+        if verdicts := _within_paper(run, rows):
+            lines.append(f"`{run.level}` against the finest mesh with {run.engine}, {verdicts}")
+    usable = rows[(rows.kind == "run") & (rows.branch == 0) & rows.status.isin(USABLE)]
+    own = _first(usable[usable.varied == "level, element"], level="paper", element="C3D20")
+    if own is not None and (verdicts := _within_paper(own, rows)):
+        lines.append(
+            f"the paper's own element at its own density (full integration, `paper`), {verdicts}, while its volumes are off by "
+            f"{_error(own, 'error_volumes', rows)} and its stroke by {_error(own, 'error_stroke', rows)}"
+        )
+    best = settings[settings.error_volumes <= PAPER_HEIGHT].sort_values("cpu_seconds")
+    if lines and len(best):
+        lines.append(f"cheapest setting with volumes within 2 %: `{best.iloc[0].setting}`, {best.iloc[0].cpu_seconds:.0f} s")
+    elif lines:
+        lines.append("no setting has volumes within 2 %")
+    return "; ".join(lines) or NOT_MEASURED
+
+
+def _within_paper(run: pd.Series, rows: pd.DataFrame) -> str:
+    """Whether a run is as near to the finest mesh as the paper says of its own."""
+    asked = (("error_height", PAPER_HEIGHT, "largest w"), ("error_chamfer", PAPER_CHAMFER, "d_c / L"))
+    return ", ".join(
+        f"{label} {_error(run, column, rows)} of at most {_percent(bound)}: {'met' if run[column] <= bound else '**not met**'}"
+        for column, bound, label in asked
+        if np.isfinite(run[column])
+    )
+
+
+def _scatter(rows: pd.DataFrame) -> str:
+    lines = []
+    for _, row in rows[rows.kind == "scatter"].iterrows():
+        line = (
+            f"{row.members:.0f} runs at `{row.level}` are off the mean of the others by {_percent(row.error_volumes)} in volumes "
+            f"and {_percent(row.error_stress)} in stress"
+        )
+        mean = _first(rows[rows.kind == "mean"], part=row.part, setting=row.setting)
+        if row.part != "reference":
+            line += (
+                f", their mean is off the reference by {_percent(mean.error_volumes)} and {_percent(mean.error_stress)}, "
+                "which is discretisation error"
+            )
+        lines.append(line)
+    return "; ".join(lines) or NOT_MEASURED
+
+
+def _limit(rows: pd.DataFrame) -> str:
+    """Stroke and stress over the meshes that differ from the reference's in size alone, and where they tend to."""
+    mean, settings = _first(rows[rows.kind == "mean"], part="reference"), settings_of(rows)
+    if mean is None:
+        return NOT_MEASURED
+    alike = settings[(settings.varied == "level") & (settings.engine == mean.engine) & (settings.grading == mean.grading)]
+    coarser = alike[alike.part == "accuracy"].sort_values("degrees_of_freedom")
+    if coarser.empty:
+        return NOT_MEASURED
+    levels = pd.concat([coarser, mean.to_frame().T])
+    found = []
+    for name, unit in (("stroke", "ml"), ("stress", "MPa")):
+        size, values = levels.degrees_of_freedom.to_numpy(float), levels[name].to_numpy(float)
+        over = ", ".join(f"{number(v)} (`{level}`)" for v, level in zip(values, levels.level, strict=True))
+        second, first = (signed_percent(richardson(size, values, order) / values[-1] - 1) for order in (2.0, 1.0))
+        found.append(f"{name} {over} {unit}; Richardson's extrapolation adds {second} (second order) to {first} (first order)")
+    return "; ".join(found)
+
+
+def _engines(dataset: xr.Dataset, rows: pd.DataFrame) -> str:
+    settings = settings_of(rows)
+    same = settings[settings.varied.isin(["", "level"]) & (settings.level == PAPER_LEVEL)]
+    calculix, newton = _first(same, engine="calculix"), _first(same, engine="newton")
+    if calculix is None or newton is None:
+        return NOT_MEASURED
+    return _with_scatter([f"newton against CalculiX: {_compared(dataset, newton, calculix)}"], rows, "reference", "finest")
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# words
+
+
+def _with_scatter(lines: list[str], rows: pd.DataFrame, part: str = "scatter", mesh: str = "default") -> str:
+    scatter = scatter_row(rows, part)
+    if not lines:
+        return NOT_MEASURED
+    if scatter is not None:
+        lines = [
+            *lines,
+            f"paths alone make {_percent(scatter.error_volumes)} in volumes and {_percent(scatter.error_stress)} in stress on "
+            f"the {mesh} mesh",
+        ]
+    return "; ".join(lines)
+
+
+def _first(rows: pd.DataFrame, **wanted: str) -> pd.Series | None:
+    for column, value in wanted.items():
+        rows = rows[rows[column] == value]
+    return rows.iloc[0] if len(rows) else None
+
+
+def _error(row: pd.Series | dict, column: str, rows: pd.DataFrame | None) -> str:
+    """An error as text, marked where it is within the scatter on the finest mesh."""
+    value = row[column]
+    if not np.isfinite(value):
+        return "-"
+    scatter = None if rows is None else scatter_row(rows, "reference")
+    return _percent(value) + (" ~" if scatter is not None and value <= scatter[column] else "")
+
+
+def _percent(value: float) -> str:
+    """With two digits below a percent."""
+    return f"{value:.{1 + (abs(value) < 0.01)}%}" if np.isfinite(value) else "-"

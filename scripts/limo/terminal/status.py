@@ -1,0 +1,336 @@
+"""Where the cases of a sweep are, read from their files: while it runs, when it is done, and when it was killed.
+
+A case is ``waiting``; ``running``, which a lock tells (``progress``); ``stale`` when it was begun, has no result and nobody
+solves it; or it has ended as ``converged``, ``degraded``, ``diverged``, ``timed_out`` or ``crashed``. Files that another
+process is just writing count as far as they can be read.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+import time
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from limo.cases.case import Case
+from limo.cases.cost import predict, schedule, seconds_left, share_done
+from limo.cases.plan import CROSS_CHECK, Plan, make_plan
+from limo.cases.solved import Solved, holds, is_sound
+from limo.config.load import load_config
+from limo.config.project import Loaded
+from limo.engines.calculix.deck import actuation_pressure_at, stage_times
+from limo.engines.calculix.run import JOB
+from limo.engines.calculix.sta import read_sta
+from limo.engines.find import find_engines
+from limo.errors import ResultError
+from limo.schema.numerics import Numerics
+from limo.schema.section import STAGES
+from limo.store.files import read_json
+from limo.store.progress import FILE, LOCK, NUMERICS, solving_since
+
+ENDED = ("converged", "degraded", "diverged", "timed_out", "crashed")
+FAILED = ("diverged", "timed_out", "crashed", "stale")
+STATUSES = ("running", "waiting", "stale", *ENDED)
+RECENT = 120.0  # s within which files must have grown for a case to run where the file system knows no locks
+#: what a name begins with before its numbers
+DEVICE = re.compile(r"^\w+?_(?=np\d+_pv)")
+_ITERATION = re.compile(rb"^\s+\d+\s+\d+\s+\d+\s+\d+\s", re.MULTILINE)
+
+
+@dataclass(frozen=True)
+class CaseStatus:
+    """Where a case is. Pressures in kPa; times in s, of the wall clock; None for what is not known or does not apply.
+
+    ``variant``: variant and branch of the study that wants it, which its name has as a hash only.
+    """
+
+    case: str
+    status: str
+    reason: str = ""
+    stage: str = ""
+    actuation_pressure: float | None = None
+    actuation_pressure_max: float | None = None
+    increments: int | None = None
+    cutbacks: int | None = None
+    iterations: int | None = None
+    iterations_per_second: float | None = None
+    seconds: float | None = None
+    seconds_left: float | None = None
+    variant: str = ""
+
+
+@dataclass(frozen=True)
+class _Place:
+    """How far a run has come: its stage, P_a reached (kPa), shares of the stages that are done, and counts."""
+
+    stage: str
+    actuation_pressure: float
+    shares: tuple[float, float, float]
+    increments: int
+    cutbacks: int
+    iterations: int
+    written: float  # s since 1970
+
+
+class Sweep:
+    """The cases that some studies of a configuration want, and where they are at the moment of each ``look``."""
+
+    def __init__(self, loaded: Loaded, plan: Plan, studies: Sequence[str], results: Path, cores: int):
+        self.loaded, self.plan, self.results = loaded, plan, results
+        self.workers = max(cores // loaded.config.solver.threads, 1)
+        wanted = dict.fromkeys(n for study in studies for n in (*plan.of_study(study), *plan.checks_of_study(study)))
+        self.named = list(wanted)
+        self.variants = _variants(plan, studies)
+        others = [n for n in plan.cases if n not in wanted]
+        self.others = [] if set(studies) == set(loaded.studies) else others
+        every = list(plan.cases)
+        self.predicted = dict(zip(every, predict(plan.cases.values(), plan.solved.values()), strict=True))
+
+    def look(self) -> list[CaseStatus]:
+        """The cases of the studies in their order, then those of other studies that someone is solving."""
+        found = [self._case(name) for name in self.named]
+        begun = (self._case(name) for name in self.others if solving_since(self.results / "cases" / name) is not None)
+        return found + list(begun)
+
+    def _case(self, name: str) -> CaseStatus:
+        found = case_status(self.plan.cases[name], self.results / "cases" / name, self.predicted[name])
+        return replace(found, variant=self.variants.get(name, ""))
+
+    def totals(self, statuses: Sequence[CaseStatus]) -> dict[str, Any]:
+        """How many cases are in each status, and the wall time (s) that is left."""
+        counts = {s: sum(c.status == s for c in statuses) for s in STATUSES}
+        left = [c.seconds_left for c in statuses if c.seconds_left]
+        workers = max(self.workers, counts["running"])
+        return {"cases": len(statuses), **counts, "seconds_left": round(schedule(left, workers), 1)}
+
+
+def _variants(plan: Plan, studies: Sequence[str]) -> dict[str, str]:
+    """What studies call the cases that they tell apart by variant or branch, by case id."""
+    found: dict[str, dict[str, None]] = {}
+    for study in studies:
+        for key, name in plan.served[study].items():
+            *_, variant, branch = key
+            said = [CROSS_CHECK.replace("_", " ")] if key[0] == CROSS_CHECK else []
+            said += [variant] * bool(variant) + [f"branch {branch}"] * bool(branch)
+            if said:
+                found.setdefault(name, {})[", ".join(said)] = None
+    return {name: " = ".join(said) for name, said in found.items()}
+
+
+def open_sweep(config_file: str, studies: Sequence[str], results: Path, cores: int) -> Sweep:
+    """The sweep of some studies (none: those that the configuration runs). Raises ``ConfigError`` for one that is not there."""
+    loaded = load_config(config_file)
+    loaded.require(studies, config_file, "limo status pressure_volume")
+    find_engines(loaded, config_file)
+    return Sweep(loaded, make_plan(loaded, results), studies or loaded.config.studies, results, cores)
+
+
+def case_status(case: Case, folder: Path, predicted: float | None = None) -> CaseStatus:
+    """Where one case is. ``predicted``: the time (s) that a solve of it should take."""
+    name, maximum = case.case_id, case.actuation_pressure_max
+    since, ended = solving_since(folder), read_ended(folder)
+    damaged = ended is not None and not is_sound(folder, ended.described, ended.status)
+    if since is None and ended is not None and not damaged and fits(ended, case):
+        return ended_status(name, ended.status, maximum)
+    place = _place(case, folder)
+    if since is None and not (folder / LOCK).exists() and place is not None and time.time() - place.written < RECENT:
+        since = _began(folder)
+    if since is not None and place is not None and place.written < since:
+        place = None  # of an earlier run
+    if since is None and ended is not None:
+        reason = "files are damaged" if damaged else "solved by other code or without frames that are wanted"
+        return CaseStatus(
+            name, "waiting", reason, seconds_left=predicted,
+            actuation_pressure_max=maximum,
+        )  # fmt: skip
+    where = _where(place, maximum)
+    if since is None:
+        reason, begun = _error(folder), (folder / LOCK).exists() or any_file(folder / "run")
+        status = "crashed" if reason else "stale" if begun else "waiting"
+        if status == "stale":
+            reason = "begun, but no process is solving it: run snakemake again"
+        return CaseStatus(name, status, reason, seconds_left=None if reason and status == "crashed" else predicted, **where)
+    elapsed = max(time.time() - since, 0.0)
+    iterating = place.written - since if place else 0.0
+    rate = round(place.iterations / iterating, 2) if iterating > 1.0 else None
+    left = None
+    if predicted is not None:
+        left = round(seconds_left(predicted, elapsed, share_done(case.engine, *(place.shares if place else (0, 0, 0)))), 1)
+    return CaseStatus(
+        name, "running", iterations_per_second=rate, seconds=round(elapsed, 1), seconds_left=left, **where
+    )  # fmt: skip
+
+
+def _where(place: _Place | None, maximum: float) -> dict[str, Any]:
+    if place is None:
+        return {"actuation_pressure_max": maximum}
+    return {
+        "stage": place.stage,
+        "actuation_pressure": round(place.actuation_pressure, 3),
+        "actuation_pressure_max": maximum,
+        "increments": place.increments,
+        "cutbacks": place.cutbacks,
+        "iterations": place.iterations,
+    }
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# cases that have ended
+
+
+def read_ended(folder: Path) -> Solved | None:
+    """The case of a folder as far as it has ended with a status; None otherwise."""
+    try:
+        status = read_json(folder / "status.json")
+    except ResultError:
+        return None
+    if status.get("status") not in ENDED:
+        return None
+    try:
+        described = read_json(folder / "case.json")
+    except ResultError:
+        described = {}
+    return Solved(folder.name, described, status)
+
+
+def fits(solved: Solved, case: Case) -> bool:
+    """Whether what is on disk was solved by today's code and kept the frames of ``case``."""
+    try:
+        return solved.current and holds(solved.frames, set(case.frames))
+    except (AttributeError, TypeError):  # a damaged case.json
+        return False
+
+
+def ended_status(name: str, status: Mapping[str, Any], maximum: float | None) -> CaseStatus:
+    """The same of a case that has ended, from its ``status.json``."""
+    iterations, seconds = number(status, "iterations"), number(status, "solver_wall_seconds")
+    by_stage = status.get("iterations_by_stage")
+    counted = [s for s in STAGES if isinstance(by_stage, dict) and number(by_stage, s)]
+    return CaseStatus(
+        name,
+        str(status["status"]),
+        str(status.get("reason") or ""),
+        counted[-1] if counted else "",
+        number(status, "actuation_pressure_reached"),
+        maximum,
+        _whole(number(status, "increments")),
+        _whole(number(status, "rejected_attempts")),
+        _whole(iterations),
+        round(iterations / seconds, 2) if iterations is not None and seconds else None,
+        seconds,
+    )
+
+
+def number(data: Mapping[str, Any], key: str) -> float | None:
+    """A finite number from plain data, None for anything else."""
+    value = data.get(key)
+    # whole numbers of JSON may be larger than any float
+    usable = isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
+    return value if usable else None
+
+
+def _whole(value: float | None) -> int | None:
+    return None if value is None else int(value)
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# cases that were begun
+
+
+def _place(case: Case, folder: Path) -> _Place | None:
+    """How far the last run of a case came, by the files of its engine; None while there are none."""
+    with suppress(OSError, ValueError, OverflowError):
+        return _place_newton(case, folder / FILE) if case.engine == "newton" else _place_calculix(case, folder / "run")
+    return None
+
+
+def _place_newton(case: Case, file: Path) -> _Place | None:
+    try:
+        said = read_json(file)
+    except ResultError:
+        return None
+    stage = said.get("stage") if said.get("stage") in STAGES else STAGES[0]
+    pressure = min(max(number(said, "actuation_pressure") or 0.0, 0.0), case.actuation_pressure_max)
+    fitted = min(max(number(said, "fitted") or 0.0, 0.0), 1.0) if stage == "fit" else 1.0
+    counts = (int(number(said, key) or 0) for key in ("increments", "rejected", "iterations"))
+    shares = (fitted, float(stage == "ramp"), pressure / case.actuation_pressure_max)
+    return _Place(stage, pressure, shares, *counts, file.stat().st_mtime)
+
+
+def _place_calculix(case: Case, run: Path) -> _Place | None:
+    """From increments (.sta) and iterations (.cvg), which CalculiX writes as it goes; before these there is the deck."""
+    files = [file for file in (run / f"{JOB}.{end}" for end in ("inp", "sta", "cvg")) if file.exists()]
+    if not files:
+        return None
+    increments = read_sta(run / f"{JOB}.sta")
+    accepted = [i for i in increments if i.accepted]
+    iterations = len(_ITERATION.findall((run / f"{JOB}.cvg").read_bytes())) if run / f"{JOB}.cvg" in files else 0
+    times = stage_times(_numerics(case, run), case.actuation_pressure_max)
+    clock = accepted[-1].total_time if accepted else 0.0
+    shares = tuple(min(max((clock - t.start) / t.duration, 0.0), 1.0) for t in times)
+    stage = next((t.name for t in times if clock < t.end * (1 - 1e-5)), STAGES[-1])  # .sta has six digits
+    pressure = float(actuation_pressure_at(times, case.actuation_pressure_max, clock))
+    written = max(file.stat().st_mtime for file in files)
+    return _Place(stage, pressure, shares, len(accepted), len(increments) - len(accepted), iterations, written)
+
+
+def _numerics(case: Case, run: Path) -> Numerics:
+    """The numerics of the attempt that is running, which a ladder may have changed."""
+    try:
+        return Numerics.model_validate(read_json(run / NUMERICS))
+    except (ResultError, ValueError):
+        return case.numerics
+
+
+def _began(folder: Path) -> float | None:
+    """When the first file of the run was written."""
+    with suppress(OSError, ValueError):
+        return min(file.stat().st_mtime for file in (folder / "run").iterdir())
+    return None
+
+
+def any_file(folder: Path) -> bool:
+    """Whether a folder is there and not empty."""
+    try:
+        return any(folder.iterdir())
+    except OSError:
+        return False
+
+
+def _error(folder: Path) -> str:
+    """The last error in the log of the script that solved the case; "" where it was killed or never ran."""
+    log = folder.parents[1] / "logs" / "solve_case" / f"{folder.name}.log"
+    try:
+        lines = log.read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError:
+        return ""
+    errors = [line.split(" ERROR ", 1)[1] for line in lines if " ERROR " in line]
+    return f"{errors[-1]} (see {log})" if errors else ""
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# for machines and for people
+
+
+def to_plain(sweep: Sweep, statuses: Sequence[CaseStatus]) -> dict[str, Any]:
+    """Totals and cases as plain data, for JSON."""
+    return {"totals": sweep.totals(statuses), "cases": [asdict(status) for status in statuses]}
+
+
+def short_names(names: Iterable[str]) -> dict[str, str]:
+    """The shortest beginnings of names that tell each from all others: without the device, the four numbers and so on."""
+    names = list(names)
+
+    def shortened(name: str, parts: int | None) -> str:
+        return "_".join(DEVICE.sub("", name).split("_")[:parts])
+
+    short = {}
+    for name in names:
+        lengths = (4, 5, 6, None)  # numbers; with the mesh level; with the numerics; with the hash
+        forms = ((shortened(name, k), [shortened(other, k) for other in names]) for k in lengths)
+        short[name] = next((form for form, all_forms in forms if all_forms.count(form) == 1), name)
+    return short

@@ -1,0 +1,158 @@
+"""Cutting patterns to scale: what is on which layer, and that both files say the same."""
+
+import re
+import xml.etree.ElementTree as ET
+
+import numpy as np
+import pytest
+from shapely import LineString, Polygon
+
+from limo.errors import ConfigError
+from limo.geometry.cutting import BAR, LAYERS, cutting_lines, dxf, svg
+from limo.geometry.pattern import flat_pattern
+from limo.terminal.drawing import draw_studies, write_pattern
+
+SVG = "{http://www.w3.org/2000/svg}"
+
+
+@pytest.fixture(params=[("limo", 4), ("limo", 6), ("limo", 16), ("mini_limo", 6)], ids=str)
+def pattern(request, loaded):
+    device, n_pouches = request.param
+    return flat_pattern(loaded.devices[device].pattern, n_pouches)
+
+
+def on(lines, layer):
+    return [line for line in lines if line.layer == layer]
+
+
+def read_dxf(text):
+    """Polylines of a DXF file as (layer, closed, points), by its pairs of group code and value."""
+    rows = text.splitlines()
+    assert len(rows) % 2 == 0
+    tags = [(int(code), value) for code, value in zip(rows[::2], rows[1::2], strict=True)]
+    assert tags[-1] == (0, "EOF")
+    assert (1, "AC1009") in tags
+    names = {tags[k + 1][1] for k, tag in enumerate(tags) if tag == (0, "LAYER")}
+    found, entity = [], ""
+    for code, value in tags[tags.index((2, "ENTITIES")) :]:
+        if code == 0:
+            entity = value
+            if entity == "POLYLINE":
+                found.append({"points": []})
+            elif entity == "VERTEX":
+                found[-1]["points"].append([None, None])
+        elif code == 8:
+            assert value in names
+            found[-1].setdefault("layer", value)
+        elif code == 70 and entity == "POLYLINE":
+            found[-1]["closed"] = value == "1"
+        elif code in (10, 20) and entity == "VERTEX":
+            found[-1]["points"][-1][code // 10 - 1] = float(value)
+    return [(f["layer"], f["closed"], np.array(f["points"])) for f in found]
+
+
+def read_svg(text):
+    """Paths of an SVG file by layer, y upwards, and its width and height with the scale of a unit in mm."""
+    root = ET.fromstring(text.encode())
+    paths = []
+    for group in root.iter(f"{SVG}g"):
+        for path in group.iter(f"{SVG}path"):
+            points = np.array([[float(v) for v in p.split(",")] for p in re.findall(r"-?[\d.]+,-?[\d.]+", path.get("d"))])
+            paths.append((group.get("id"), path.get("d").endswith("Z"), points * [1, -1]))
+    box = [float(v) for v in root.get("viewBox").split()]
+    sizes = [float(root.get(k).removesuffix("mm")) for k in ("width", "height")]
+    return paths, [size / extent for size, extent in zip(sizes, box[2:], strict=True)], box
+
+
+def test_both_files_draw_the_same_to_scale(pattern):
+    lines = cutting_lines(pattern, allowance=3.0)
+    paths, scale, (left, top, width, height) = read_svg(svg(lines, "a title"))
+    assert scale == pytest.approx([1.0, 1.0]), "a unit is a mm"
+    for found in (read_dxf(dxf(lines)), paths):
+        assert len(found) == len(lines)
+        for (layer, closed, points), line in zip(sorted_lines(found), sorted_lines(plain(lines)), strict=True):
+            assert (layer, closed) == line[:2]
+            assert points == pytest.approx(line[2], abs=1e-4)
+    everything = np.vstack([points for _, _, points in paths])
+    assert (everything[:, 0] >= left).all()
+    assert (everything[:, 0] <= left + width).all()
+    assert (-everything[:, 1] >= top).all()
+    assert (-everything[:, 1] <= top + height).all()
+
+
+def plain(lines):
+    return [(line.layer, line.closed, line.points) for line in lines]
+
+
+def sorted_lines(lines):
+    return sorted(lines, key=lambda line: (line[0], len(line[2]), tuple(np.round(line[2][0], 3) + 0.0)))
+
+
+def test_the_sheets_are_as_large_as_the_pattern(pattern):
+    lines = cutting_lines(pattern)
+    (wall,), (pouches,), (bar,) = (on(lines, layer) for layer in ("CUT_WALL", "CUT_POUCHES", "SCALE"))
+    regions = [pattern.polygon(region) for region in pattern.regions]
+    assert Polygon(wall.points).area == pytest.approx(2 * sum(r.area for r in regions), rel=1e-5)
+    assert Polygon(pouches.points).area == pytest.approx(2 * sum(r.area for r in regions[1:]), rel=1e-5)
+    assert np.ptp(bar.points[:, 0]) == BAR
+    (valve, other) = on(lines, "VALVE")
+    assert LineString(valve.points).length + LineString(other.points).length == pytest.approx(2 * pattern.half_width)
+
+
+def test_seams_divide_a_face_into_its_pouches(pattern):
+    from shapely.ops import polygonize, unary_union
+
+    seams = unary_union([LineString(np.round(line.points, 6)) for line in on(cutting_lines(pattern), "SEAMS")])
+    assert len(list(polygonize(seams))) == pattern.n_pouches // 2
+
+
+def test_an_allowance_moves_the_cuts_and_nothing_else(pattern):
+    tight, wide = cutting_lines(pattern), cutting_lines(pattern, allowance=5.0)
+    for layer in LAYERS:
+        if layer.startswith("CUT"):
+            (before,), (after,) = on(tight, layer), on(wide, layer)
+            inner, outer = Polygon(before.points), Polygon(after.points)
+            assert outer.contains(inner)
+            assert inner.exterior.distance(outer.exterior) == pytest.approx(5.0, abs=1e-3)
+        elif layer != "SCALE":
+            assert [line.points.tolist() for line in on(tight, layer)] == [line.points.tolist() for line in on(wide, layer)]
+
+
+def test_files_are_written_and_mistakes_are_one_message(root, tmp_path, monkeypatch):
+    monkeypatch.chdir(root)
+    config = "config/config.yaml"
+    files = write_pattern(config, "limo", 6, tmp_path, width_scale=0.8)
+    assert [f.name for f in files] == ["limo_np6_w0.8.svg", "limo_np6_w0.8.dxf"]
+    (wall,) = [points for layer, _, points in read_dxf(files[1].read_text()) if layer == "CUT_WALL"]
+    write_pattern(config, "limo", 6, tmp_path)
+    (own,) = [points for layer, _, points in read_dxf((tmp_path / "limo_np6.dxf").read_text()) if layer == "CUT_WALL"]
+    assert np.ptp(wall[:, 0]) < np.ptp(own[:, 0]), "the device's own scale is larger"
+    for arguments, word in ((("nothing", 6), "DEVICE"), (("limo", 5), "N_P"), (("limo", 6, -1.0), "--width-scale")):
+        with pytest.raises(ConfigError, match=word):
+            write_pattern(config, *arguments[:2], tmp_path, *arguments[2:])
+
+
+def test_every_study_has_a_picture_of_its_devices(root, tmp_path, monkeypatch):
+    monkeypatch.chdir(root)
+    (png,) = draw_studies("config/config.yaml", ["pressure_volume"], tmp_path)
+    assert png.read_bytes().startswith(b"\x89PNG")
+    (drawn,) = draw_studies("config/config.yaml", ["pressure_volume"], tmp_path, "svg")
+    first = drawn.read_bytes()
+    assert draw_studies("config/config.yaml", ["pressure_volume"], tmp_path, "svg") == [drawn]
+    assert drawn.read_bytes() == first, "the same bytes for the same picture"
+    assert len(re.findall(r'id="axes_\d+"', first.decode())) == 4, "a panel each for N_p = 4, 6, 8, 10"
+    with pytest.raises(ConfigError, match="nowhere"):
+        draw_studies("config/config.yaml", ["nowhere"], tmp_path)
+
+
+def test_the_mesh_is_drawn_where_it_is_wanted(root, tmp_path, monkeypatch, loaded, device_mesh):
+    from limo.terminal import drawing
+
+    monkeypatch.chdir(root)
+    monkeypatch.setattr(drawing, "mesh_device", lambda content: device_mesh("limo", 8, "quarter"))
+    figures = [drawing.draw_study(loaded, "pressure_volume", tmp_path, meshes) for meshes in (False, True)]
+    without, with_mesh = (len(f.axes[0].collections) for f in figures)
+    assert with_mesh - without == 2, "both halves"
+    assert "elements" in figures[1].axes[0].get_title(loc="left")
+    for figure in figures:
+        drawing.style.plt.close(figure)
