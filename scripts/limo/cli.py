@@ -82,11 +82,14 @@ def make_parser() -> argparse.ArgumentParser:
         made.add_argument("--device", default="limo", metavar="DEVICE", help="a file in config/devices (default: %(default)s)")
         _config(made)
     says = "write the cutting pattern of a device to scale, as SVG and DXF with seams on their own layer"
-    with command(_pattern, "pattern", says, "limo 6", "mini_limo 6 --allowance 5 --to cutting") as made:
+    with command(_pattern, "pattern", says, "limo 6", "mini_limo 6 --allowance 5 --dxf-version R12 --to cutting") as made:
         made.add_argument("device", metavar="DEVICE", help="a file in config/devices")
         made.add_argument("n_pouches", metavar="N_P", type=int, help="number of pouches on both faces together")
         made.add_argument("--allowance", type=float, default=0.0, metavar="MM", help="of the cut lines beyond the seals (0)")
         made.add_argument("--width-scale", type=float, metavar="FACTOR", help="instead of the device's own")
+        made.add_argument(
+            "--dxf-version", choices=("R2010", "R12"), default="R2010", help="R12 for cutters that need it (default: %(default)s)"
+        )
         made.add_argument("--to", type=Path, default=Path("results/patterns"), metavar="FOLDER", help="default: %(default)s")
         _config(made)
     says = "show where the cases of a running or finished sweep are"
@@ -274,7 +277,7 @@ def _pattern(chosen: argparse.Namespace) -> None:
     from limo.drawing import write_pattern
 
     arguments = (chosen.config, chosen.device, chosen.n_pouches, chosen.to, chosen.width_scale, chosen.allowance)
-    for file in write_pattern(*arguments):
+    for file in write_pattern(*arguments, chosen.dxf_version):
         print(file)
 
 

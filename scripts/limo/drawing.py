@@ -10,7 +10,7 @@ from matplotlib.lines import Line2D
 
 from limo.case import Case, number_label, study_cases
 from limo.config import Loaded, load_config
-from limo.cutting import both_halves, cutting_lines, dxf, mirrored, svg
+from limo.cutting import DXF_VERSIONS, both_halves, cutting_lines, dxf, mirrored, svg
 from limo.errors import ConfigError
 from limo.figures import style
 from limo.files import write_whole
@@ -112,7 +112,13 @@ def _draw_mesh(axis, mesh: DeviceMesh) -> None:
 
 
 def write_pattern(
-    config_file: str, device: str, n_pouches: int, folder: Path, width_scale: float | None = None, allowance: float = 0.0
+    config_file: str,
+    device: str,
+    n_pouches: int,
+    folder: Path,
+    width_scale: float | None = None,
+    allowance: float = 0.0,
+    dxf_version: str = DXF_VERSIONS[0],
 ) -> list[Path]:
     """Write the cutting pattern of a device as SVG and DXF to scale into a folder; returns the files.
 
@@ -126,6 +132,9 @@ def write_pattern(
     for key, value, low, high in (("--width-scale", width_scale, 0.5, 1.5), ("--allowance", allowance, 0.0, 50.0)):
         if value is not None and not low <= value <= high:
             raise ConfigError("limo pattern", key, value, f"a number from {low:g} to {high:g}", f"{key} {max(low, 1.0):g}")
+    if dxf_version not in DXF_VERSIONS:
+        known = f"one of: {', '.join(DXF_VERSIONS)}"
+        raise ConfigError("limo pattern", "--dxf-version", dxf_version, known, f"--dxf-version {DXF_VERSIONS[-1]}")
     shape = loaded.devices[device].pattern
     if width_scale is not None:
         shape = shape.model_copy(update={"width_scale": width_scale})
@@ -133,6 +142,6 @@ def write_pattern(
     name = f"{device}_np{n_pouches}" + (f"_w{number_label(width_scale)}" if width_scale is not None else "")
     title = f"LIMO device {device}, N_p = {n_pouches}, one face, L = {shape.length:g} mm, allowance {allowance:g} mm"
     files = [folder / f"{name}.svg", folder / f"{name}.dxf"]
-    for file, text in zip(files, (svg(lines, title), dxf(lines)), strict=True):
+    for file, text in zip(files, (svg(lines, title), dxf(lines, dxf_version)), strict=True):
         write_whole(file, lambda path, text=text: path.write_text(text, encoding="utf-8"))
     return files
