@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -26,7 +27,12 @@ def main(arguments: list[str] | None = None) -> int:
     """Run one command; returns the exit code (see ``EXIT_CODES``)."""
     arguments = sys.argv[1:] if arguments is None else arguments
     own, options = _split(arguments)
-    chosen = make_parser().parse_args(own)
+    parser = make_parser()
+    if "_ARGCOMPLETE" in os.environ:  # the Tab key
+        from limo.completion import complete
+
+        complete(parser)
+    chosen = parser.parse_args(own)
     chosen.options = options
     try:
         return chosen.run(chosen) or DONE
@@ -231,7 +237,7 @@ def make_parser() -> argparse.ArgumentParser:
         _results(made)
     says = "print what a shell has to read to complete limo's words on the Tab key"
     with command(_completion, "completion", says, "bash >> ~/.bashrc", "zsh > ~/.zfunc/_limo") as made:
-        made.add_argument("shell", choices=("bash", "zsh", "words"), help="words: complete what follows -- (for the scripts)")
+        made.add_argument("shell", choices=("bash", "zsh"), help="which shell is to read it")
     return parser
 
 
@@ -425,12 +431,9 @@ def _clean(chosen: argparse.Namespace) -> None:
 
 
 def _completion(chosen: argparse.Namespace) -> None:
-    from limo.completion import candidates, script
+    from limo.completion import script
 
-    if chosen.shell == "words":
-        print("\n".join(candidates(make_parser(), chosen.options)))
-    else:
-        print(script(chosen.shell), end="")
+    print(script(chosen.shell), end="")
 
 
 if __name__ == "__main__":
