@@ -17,6 +17,7 @@ import xarray as xr
 from limo.dataset import at_end
 from limo.errors import LimoError
 from limo.files import write_whole
+from limo.markdown import markdown_table
 
 VERDICTS = ("reproduced", "partly", "not", "no data")
 #: kPa over which the fastest rise of V_a is taken, and the share of V_a at P_a,max from which on a ratio counts
@@ -425,7 +426,5 @@ def _page(rows: pd.DataFrame, data: Path, table: Path, beside: Path | None) -> s
         )
     if beside:
         said += f" The column `{beside}` is what the datasets there have to say."
-    lines = [list(rows.columns), ["---"] * rows.shape[1], *rows.astype(str).values.tolist()]
-    table_lines = "\n".join("| " + " | ".join(cell.replace("|", "/") for cell in line) + " |" for line in lines)
     counted_verdicts = ", ".join(f"{counts.get(v, 0)} {v}" for v in VERDICTS) + "."
-    return "\n\n".join(["# The paper's statements", said, counted_verdicts, table_lines]) + "\n"
+    return "\n\n".join(["# The paper's statements", said, counted_verdicts, markdown_table(rows)]) + "\n"

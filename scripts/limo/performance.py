@@ -21,7 +21,7 @@ from limo.deck import stage_times
 from limo.engines.find import find_engines
 from limo.errors import LimoError
 from limo.files import read_json, write_whole
-from limo.markdown import markdown_table, number, read_rows, signed_percent
+from limo.markdown import markdown_table, number, read_rows, shown, signed_percent
 from limo.overhead import NOTHING, PLANNING, processor
 from limo.plan import Plan, make_plan
 from limo.solution import ramp_of
@@ -229,7 +229,7 @@ def _levers(rows: pd.DataFrame) -> pd.DataFrame:
                     "ramp": int(row.iterations_ramp),
                     "CPU [s]": round(row.cpu_seconds),
                     "share": f"{share:.2f}",
-                    "dissipated": "-" if pd.isna(row.dissipated_fraction) else f"{row.dissipated_fraction:.1%}",
+                    "dissipated": shown(row.dissipated_fraction, ".1%"),
                     "V_v at rest [ml]": number(row.rest_volume),
                     "stroke [ml]": number(row.stroke),
                     "moved": signed_percent(moved),
