@@ -2,6 +2,7 @@
 
 DXF has layers and plain polylines, no splines: Inkscape and LibreCAD lose some of those without a word. R2010 says that
 lengths are mm; R12, for cutters that read nothing newer, knows no unit. A bar of 100 mm beside the pattern is to check that.
+SVG is written here, because no dependency writes the layers of Inkscape.
 """
 
 from __future__ import annotations
