@@ -15,7 +15,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
-from scipy.integrate import cumulative_trapezoid
 
 from limo.buckling import events
 from limo.config import Limits
@@ -107,7 +106,7 @@ def energy_created(ramp: xr.Dataset, ventricular_pressure: float) -> float:
     """
     pressure = ramp.actuation_pressure.values
     ventricle, actuation = ramp.ventricle_volume_conjugate.values, ramp.actuation_volume_conjugate.values
-    work = cumulative_trapezoid(pressure, actuation, initial=0.0)  # kPa ml = mJ
+    work = np.append(0.0, np.cumsum(0.5 * (pressure[1:] + pressure[:-1]) * np.diff(actuation)))  # kPa ml = mJ
     dissipated = (
         work + ventricular_pressure * (ventricle - ventricle[0]) - (ramp.strain_energy.values - ramp.strain_energy.values[0])
     )
