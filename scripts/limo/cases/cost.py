@@ -3,6 +3,7 @@
 The solver's CPU time is iterations times the time of one. Iterations grow with the pressure to be reached and fall with the
 number of pouches; the time of one grows with the size of the model to a power a little above 1 (sparse factorisation of a
 shell). What a prior cannot know, speed of the machine, build, snapping, is learned as a factor from similar finished cases.
+No dependency writes a time with as few digits as a prediction deserves, so ``duration`` does.
 """
 
 from __future__ import annotations

@@ -3,6 +3,7 @@
 One VTU a frame and two series (.pvd) over P_a: ``reference`` on the flat pattern, where all layers lie in one plane (choose
 them with a threshold on ``layer``), and ``deformed``. Fields are named by the surface of the layer they belong to: the
 inner one faces the ventricle. Where layers are sealed together each has its own points, so nothing is averaged over a seam.
+meshio writes the VTU. The PVD is written here: meshio and VTK have no writer of it, pyvista has a reader only.
 """
 
 from __future__ import annotations

@@ -1,14 +1,21 @@
 """The cutting pattern of a face to scale, for making the device: polylines on named layers, as SVG and as DXF.
 
-DXF is the plain R12 that every cutter reads: layers and polylines. It knows no unit; lengths are mm, and a bar of 100 mm
-is drawn beside the pattern to check that.
+DXF has layers and plain polylines, no splines: Inkscape and LibreCAD lose some of those without a word. R2010 says that
+lengths are mm; R12, for cutters that read nothing newer, knows no unit. A bar of 100 mm beside the pattern is to check that.
+SVG is written here, because no dependency writes the layers of Inkscape.
 """
 
 from __future__ import annotations
 
+import io
+import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
+import ezdxf
 import numpy as np
+from ezdxf import units
 from shapely import Polygon
 from shapely.ops import unary_union
 
@@ -23,9 +30,12 @@ LAYERS = {
     "VALVE": ("#CC79A7", 6, "edge that the valve support takes"),
     "SCALE": ("#777777", 8, "100 mm"),
 }
+#: of DXF, the first by default
+DXF_VERSIONS = ("R2010", "R12")
 BAR = 100.0  # mm
 _MARGIN = 10.0  # mm
 _TEXT = 3.0  # mm
+logging.getLogger("ezdxf").addHandler(logging.NullHandler())  # it warns on standard error that R12 knows no unit
 
 
 @dataclass(frozen=True)
@@ -94,23 +104,36 @@ def svg(lines: list[Line], title: str) -> str:
     return "\n".join([*parts, "</g>", "</svg>", ""])
 
 
-def dxf(lines: list[Line]) -> str:
-    """The same as DXF R12 in mm."""
-    points = np.vstack([line.points for line in lines])
-    low, high = points.min(axis=0), points.max(axis=0)
-    tags: list[tuple[int, object]] = [(0, "SECTION"), (2, "HEADER"), (9, "$ACADVER"), (1, "AC1009")]
-    for name, corner in (("$EXTMIN", low), ("$EXTMAX", high)):
-        tags += [(9, name), (10, corner[0]), (20, corner[1]), (30, 0.0)]
-    tags += [(0, "ENDSEC"), (0, "SECTION"), (2, "TABLES")]
-    tags += [(0, "TABLE"), (2, "LTYPE"), (70, 1), (0, "LTYPE"), (2, "CONTINUOUS"), (70, 0), (3, "Solid line"), (72, 65), (73, 0)]
-    tags += [(40, 0.0), (0, "ENDTAB"), (0, "TABLE"), (2, "LAYER"), (70, len(LAYERS))]
-    for name, (_, color, _) in LAYERS.items():
-        tags += [(0, "LAYER"), (2, name), (70, 0), (62, color), (6, "CONTINUOUS")]
-    tags += [(0, "ENDTAB"), (0, "ENDSEC"), (0, "SECTION"), (2, "ENTITIES")]
-    for line in lines:
-        tags += [(0, "POLYLINE"), (8, line.layer), (66, 1), (10, 0.0), (20, 0.0), (30, 0.0), (70, int(line.closed))]
-        for x, y in line.points:
-            tags += [(0, "VERTEX"), (8, line.layer), (10, x), (20, y), (30, 0.0)]
-        tags += [(0, "SEQEND"), (8, line.layer)]
-    tags += [(0, "ENDSEC"), (0, "EOF")]
-    return "".join(f"{code:>3}\n{value:.4f}\n" if isinstance(value, float) else f"{code:>3}\n{value}\n" for code, value in tags)
+def dxf(lines: list[Line], version: str = DXF_VERSIONS[0]) -> str:
+    """The same as DXF in mm, a polyline a line: LWPOLYLINE in R2010, POLYLINE in R12. Equal lines give equal texts.
+
+    Coordinates are rounded to 1e-6 mm.
+    """
+    curves = [np.round(line.points, 6) + 0.0 for line in lines]
+    low, high = (bound(np.vstack(curves), axis=0) for bound in (np.min, np.max))
+    with _without_stamps():
+        document = ezdxf.new(version, units=units.MM)
+        for name, (_, color, _) in LAYERS.items():
+            document.layers.add(name, color=color)
+        space = document.modelspace()
+        add = space.add_polyline2d if version == "R12" else space.add_lwpolyline
+        for line, curve in zip(lines, curves, strict=True):
+            add(curve.tolist(), close=line.closed, dxfattribs={"layer": line.layer})
+        space.reset_extents((*low, 0.0), (*high, 0.0))
+        document.set_modelspace_vport(height=1.1 * (high - low).max(), center=(low + high) / 2)
+        for kind in sorted(document.entitydb.dxf_types_in_use()):  # ezdxf takes them in the order of a set
+            document.classes.add_class(kind)
+        text = io.StringIO()
+        document.write(text)
+    return text.getvalue()
+
+
+@contextmanager
+def _without_stamps() -> Iterator[None]:
+    """ezdxf writes constants in place of times, GUIDs and its own version."""
+    before = ezdxf.options.write_fixed_meta_data_for_testing
+    ezdxf.options.write_fixed_meta_data_for_testing = True
+    try:
+        yield
+    finally:
+        ezdxf.options.write_fixed_meta_data_for_testing = before

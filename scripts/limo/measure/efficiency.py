@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 
 #: actuation volume change, over its largest, below which a ratio of two near-zero volumes says nothing
 SMALLEST_CHANGE = 2.0e-3
@@ -21,8 +22,7 @@ def works(
     actuation_pressure: np.ndarray, ventricular_pressure: float, stroke_volume: np.ndarray, actuation_volume_change: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """W_out = P_v Delta V_v and W_in = int P_a dV_a (n,) in mJ; pressures in kPa, volumes in ml (kPa ml = mJ)."""
-    mean = 0.5 * (actuation_pressure[1:] + actuation_pressure[:-1])
-    work_in = np.concatenate([[0.0], np.cumsum(mean * np.diff(actuation_volume_change))])
+    work_in = cumulative_trapezoid(actuation_pressure, actuation_volume_change, initial=0.0)
     return ventricular_pressure * np.asarray(stroke_volume), work_in
 
 

@@ -2,7 +2,8 @@
 
 The endocardial surface is the inner side of wall and endocardium, the epicardial surface the outer side of wall and
 epicardium. Strains are Green-Lagrange and refer to the flat state, whose plane is the fabric's: there a direction is an
-angle, and the streamlines of v_1 are lines in a plane that deform with the device.
+angle, and the streamlines of v_1 are lines in a plane that deform with the device. They are followed here, because VTK's
+hyperstreamlines are tubes, one a call.
 """
 
 from __future__ import annotations

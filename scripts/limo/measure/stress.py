@@ -1,4 +1,7 @@
-"""Von Mises stress of a frame and how the paper sums it up (paper, *Local stress concentration and fatigue risk*)."""
+"""Von Mises stress of a frame and how the paper sums it up (paper, *Local stress concentration and fatigue risk*).
+
+Quantiles over the area are taken here: numpy's weighted ones have no tolerance where rounding decides which value it is.
+"""
 
 from __future__ import annotations
 

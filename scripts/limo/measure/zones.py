@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+import shapely
 
 from limo.mesh.layers import DeviceMesh
 
 #: what a point counts as: the nearest seam or edge if it is near one, else the patch it lies on
 ZONES = ("seam", "valve_edge", "outer_edge", "wall", "pouch_endo", "pouch_epi")
 _SIDES = np.array([[0, 4, 1], [1, 5, 2], [2, 6, 3], [3, 7, 0]])
-_CHUNK = 4096  # points whose distances to all segments are held at once
 
 
 def edge_segments(mesh: DeviceMesh, marked: np.ndarray) -> np.ndarray:
@@ -24,15 +24,10 @@ def edge_segments(mesh: DeviceMesh, marked: np.ndarray) -> np.ndarray:
 
 def distance_to(points: np.ndarray, segments: np.ndarray) -> np.ndarray:
     """Smallest distance (...,) in mm of points (..., 2) to segments (s, 2, 2); infinite when there are none."""
-    flat = points.reshape(-1, 2)
-    nearest = np.full(len(flat), np.inf)
-    if len(segments):
-        start, along = segments[:, 0], segments[:, 1] - segments[:, 0]
-        squared = np.maximum((along**2).sum(axis=1), 1e-30)
-        for first in range(0, len(flat), _CHUNK):
-            away = flat[first : first + _CHUNK, None] - start
-            foot = np.clip((away * along).sum(axis=2) / squared, 0.0, 1.0)
-            nearest[first : first + _CHUNK] = np.linalg.norm(away - foot[..., None] * along, axis=2).min(axis=1)
+    if not len(segments):
+        return np.full(points.shape[:-1], np.inf)
+    tree = shapely.STRtree(shapely.linestrings(segments))
+    _, nearest = tree.query_nearest(shapely.points(points.reshape(-1, 2)), all_matches=False, return_distance=True)
     return nearest.reshape(points.shape[:-1])
 
 

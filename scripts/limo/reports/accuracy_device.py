@@ -21,7 +21,7 @@ from limo.accuracy.statistics import (
     settings_of,
     sizes_of,
 )
-from limo.reports.markdown import markdown_table, number, signed_percent
+from limo.reports.markdown import markdown_table, number, percent, signed_percent
 from limo.schema.config import Preset
 from limo.store.statuses import USABLE
 
@@ -117,7 +117,7 @@ def _settings(rows: pd.DataFrame) -> pd.DataFrame:
         own = row._asdict()
         line |= {label: _error(own, column, rows if row.kind == "run" else None) for label, column in _COLUMNS.items()}
         line["cycles [decades]"] = number(own["error_cycles"], 2)
-        line["dissipated"] = _percent(row.dissipated_fraction)
+        line["dissipated"] = percent(row.dissipated_fraction)
         line["CPU [s]"] = number(row.cpu_seconds, 0)
         line["timed"] = number(row.timed, 0)
         line["iterations"] = number(row.iterations, 0)
@@ -215,7 +215,7 @@ def _compared(dataset: xr.Dataset, run: pd.Series, other: pd.Series) -> str:
     found = differences(dataset, run.name, other.name)
     stroke, stress = signed_percent(found["stroke"]), signed_percent(found["stress"])
     times = f", CPU time {number(1 + found['cpu_seconds'], 2)} times" if run.machine == other.machine else ""
-    return f"volumes {_percent(found['volumes'])}, stroke {stroke}, stress {stress}{times}"
+    return f"volumes {percent(found['volumes'])}, stroke {stroke}, stress {stress}{times}"
 
 
 def _preview(rows: pd.DataFrame) -> str:
@@ -274,8 +274,8 @@ def _damping(dataset: xr.Dataset, rows: pd.DataFrame) -> str:
             harmless = found["volumes"] <= scatter.error_volumes and abs(found["stress"]) <= scatter.error_stress
             verdict = ": harmless" if harmless else ": not harmless"
         lines.append(
-            f"{run.change} 1/s, {_compared(dataset, run, base)}, dissipated {_percent(run.dissipated_fraction)} instead of "
-            f"{_percent(base.dissipated_fraction)}{verdict}"
+            f"{run.change} 1/s, {_compared(dataset, run, base)}, dissipated {percent(run.dissipated_fraction)} instead of "
+            f"{percent(base.dissipated_fraction)}{verdict}"
         )
     return _with_scatter(lines, rows)
 
@@ -288,7 +288,7 @@ def _mesh(rows: pd.DataFrame) -> str:
         return NOT_MEASURED
     bound = max(PAPER_HEIGHT, scatter.error_volumes)
     good = levels[levels.error_volumes <= bound].sort_values("cpu_seconds")
-    wanted = f"volumes within {_percent(bound)}, the larger of 2 % and the scatter on the finest mesh"
+    wanted = f"volumes within {percent(bound)}, the larger of 2 % and the scatter on the finest mesh"
     if good.empty:
         return f"none of {', '.join(dict.fromkeys(levels.level))} has {wanted}"
     best = good.iloc[0]
@@ -324,7 +324,7 @@ def _within_paper(run: pd.Series, rows: pd.DataFrame) -> str:
     """Whether a run is as near to the finest mesh as the paper says of its own."""
     asked = (("error_height", PAPER_HEIGHT, "largest w"), ("error_chamfer", PAPER_CHAMFER, "d_c / L"))
     return ", ".join(
-        f"{label} {_error(run, column, rows)} of at most {_percent(bound)}: {'met' if run[column] <= bound else '**not met**'}"
+        f"{label} {_error(run, column, rows)} of at most {percent(bound)}: {'met' if run[column] <= bound else '**not met**'}"
         for column, bound, label in asked
         if np.isfinite(run[column])
     )
@@ -334,13 +334,13 @@ def _scatter(rows: pd.DataFrame) -> str:
     lines = []
     for _, row in rows[rows.kind == "scatter"].iterrows():
         line = (
-            f"{row.members:.0f} runs at `{row.level}` are off the mean of the others by {_percent(row.error_volumes)} in volumes "
-            f"and {_percent(row.error_stress)} in stress"
+            f"{row.members:.0f} runs at `{row.level}` are off the mean of the others by {percent(row.error_volumes)} in volumes "
+            f"and {percent(row.error_stress)} in stress"
         )
         mean = _first(rows[rows.kind == "mean"], part=row.part, setting=row.setting)
         if row.part != "reference":
             line += (
-                f", their mean is off the reference by {_percent(mean.error_volumes)} and {_percent(mean.error_stress)}, "
+                f", their mean is off the reference by {percent(mean.error_volumes)} and {percent(mean.error_stress)}, "
                 "which is discretisation error"
             )
         lines.append(line)
@@ -386,7 +386,7 @@ def _with_scatter(lines: list[str], rows: pd.DataFrame, part: str = "scatter", m
     if scatter is not None:
         lines = [
             *lines,
-            f"paths alone make {_percent(scatter.error_volumes)} in volumes and {_percent(scatter.error_stress)} in stress on "
+            f"paths alone make {percent(scatter.error_volumes)} in volumes and {percent(scatter.error_stress)} in stress on "
             f"the {mesh} mesh",
         ]
     return "; ".join(lines)
@@ -404,9 +404,4 @@ def _error(row: pd.Series | dict, column: str, rows: pd.DataFrame | None) -> str
     if not np.isfinite(value):
         return "-"
     scatter = None if rows is None else scatter_row(rows, "reference")
-    return _percent(value) + (" ~" if scatter is not None and value <= scatter[column] else "")
-
-
-def _percent(value: float) -> str:
-    """With two digits below a percent."""
-    return f"{value:.{1 + (abs(value) < 0.01)}%}" if np.isfinite(value) else "-"
+    return percent(value) + (" ~" if scatter is not None and value <= scatter[column] else "")

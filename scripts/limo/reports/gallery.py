@@ -17,6 +17,7 @@ from importlib import import_module
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 
 from limo.cases.cost import duration
@@ -30,6 +31,7 @@ from limo.engines.find import find_engines
 from limo.errors import LimoError
 from limo.figures import style, tensile_test
 from limo.figures.measured import read_measured
+from limo.reports.markdown import markdown_table
 from limo.schema.figures import SHAPES
 from limo.store.files import write_netcdf, write_whole
 from limo.store.statuses import USABLE
@@ -221,14 +223,10 @@ def _read(file: Path) -> xr.Dataset:
 
 def _page(loaded: Loaded, gallery: Path) -> str:
     names = _kept(loaded, gallery)
-    lines = [
-        "| study | cases | converged | engine and build | CPU of the solver | longest case | configuration |",
-        "|---" * 7 + "|",
-    ]
-    sections, distinct = [], {}
+    rows, sections, distinct = [], [], {}
     for name in names:
         dataset = _read(gallery / "data" / f"{name}.nc")
-        lines.append(_summary(name, dataset))
+        rows.append(_summary(name, dataset))
         solved = zip(dataset.case_id.values.ravel(), dataset.solver_time.values.ravel(), strict=True)
         distinct |= {case_id: seconds for case_id, seconds in solved if np.isfinite(seconds)}
         sections.append(f"## {name}\n\n{dataset.attrs['title'].partition(': ')[2] or name}.")
@@ -255,7 +253,7 @@ def _page(loaded: Loaded, gallery: Path) -> str:
             "hash of the resolved configuration that each dataset holds as its attribute `config`.",
             *([further] * bool(sets)),
             *([unkept] * bare),
-            "\n".join(lines),
+            markdown_table(pd.DataFrame(rows)),
             f"Together {len(distinct)} distinct cases, {duration(sum(distinct.values()))} of CPU.",
             *sections,
         ]
@@ -279,19 +277,18 @@ def _band(dataset: xr.Dataset) -> list[str]:
     ]
 
 
-def _summary(name: str, dataset: xr.Dataset) -> str:
+def _summary(name: str, dataset: xr.Dataset) -> dict[str, str]:
     """A study's row: what solved its cases, and how long that took."""
     seconds = dataset.solver_time.values
     builds = sorted({re.sub(r" [0-9a-f]{16}\b", "", b) for b in map(str, dataset.solver_build.values.ravel()) if b})
     engines = dataset.attrs["source"].rpartition(" engine ")[2]
     configuration = hashlib.sha256(dataset.attrs["config"].encode()).hexdigest()[:10]
-    cells = (
-        name,
-        str(seconds.size),
-        str(int((dataset.case_status == "converged").sum())),
-        f"{engines} ({', '.join(builds)})",
-        duration(float(np.nansum(seconds))),
-        duration(float(np.nanmax(seconds))) if np.isfinite(seconds).any() else "-",
-        f"`{configuration}`",
-    )
-    return "| " + " | ".join(cells) + " |"
+    return {
+        "study": name,
+        "cases": str(seconds.size),
+        "converged": str(int((dataset.case_status == "converged").sum())),
+        "engine and build": f"{engines} ({', '.join(builds)})",
+        "CPU of the solver": duration(float(np.nansum(seconds))),
+        "longest case": duration(float(np.nanmax(seconds))) if np.isfinite(seconds).any() else "-",
+        "configuration": f"`{configuration}`",
+    }

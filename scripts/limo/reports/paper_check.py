@@ -16,6 +16,7 @@ import xarray as xr
 
 from limo.datasets.curves import at_end
 from limo.errors import LimoError
+from limo.reports.markdown import markdown_table
 from limo.store.files import write_whole
 
 VERDICTS = ("reproduced", "partly", "not", "no data")
@@ -425,7 +426,5 @@ def _page(rows: pd.DataFrame, data: Path, table: Path, beside: Path | None) -> s
         )
     if beside:
         said += f" The column `{beside}` is what the datasets there have to say."
-    lines = [list(rows.columns), ["---"] * rows.shape[1], *rows.astype(str).values.tolist()]
-    table_lines = "\n".join("| " + " | ".join(cell.replace("|", "/") for cell in line) + " |" for line in lines)
     counted_verdicts = ", ".join(f"{counts.get(v, 0)} {v}" for v in VERDICTS) + "."
-    return "\n\n".join(["# The paper's statements", said, counted_verdicts, table_lines]) + "\n"
+    return "\n\n".join(["# The paper's statements", said, counted_verdicts, markdown_table(rows)]) + "\n"

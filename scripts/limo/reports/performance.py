@@ -24,7 +24,7 @@ from limo.engines.calculix.deck import stage_times
 from limo.engines.find import find_engines
 from limo.errors import LimoError
 from limo.measure.ramp import ramp_of
-from limo.reports.markdown import markdown_table, number, read_rows, signed_percent
+from limo.reports.markdown import markdown_table, number, read_rows, shown, signed_percent
 from limo.reports.overhead import NOTHING, PLANNING
 from limo.store.files import read_json, write_whole
 from limo.store.machine import processor
@@ -232,7 +232,7 @@ def _levers(rows: pd.DataFrame) -> pd.DataFrame:
                     "ramp": int(row.iterations_ramp),
                     "CPU [s]": round(row.cpu_seconds),
                     "share": f"{share:.2f}",
-                    "dissipated": "-" if pd.isna(row.dissipated_fraction) else f"{row.dissipated_fraction:.1%}",
+                    "dissipated": shown(row.dissipated_fraction, ".1%"),
                     "V_v at rest [ml]": number(row.rest_volume),
                     "stroke [ml]": number(row.stroke),
                     "moved": signed_percent(moved),

@@ -1,4 +1,7 @@
-"""Writing results so that no half-written file is ever taken for one: write aside, flush to disk, rename."""
+"""Writing results so that no half-written file is ever taken for one: write aside, flush to disk, rename.
+
+This is written here because no dependency does it, and the package atomicwrites is not maintained any more.
+"""
 
 from __future__ import annotations
 

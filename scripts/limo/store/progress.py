@@ -1,7 +1,8 @@
 """How far a case has come while it is solved: what an engine reports, and a lock that tells whether anyone still solves it.
 
 What is watched decides no result, so engines call ``report`` and know nothing of files: outside of ``solving`` nobody listens.
-The kernel gives the lock back however the process ends, so it never tells of a process that is gone.
+The kernel gives the lock back however the process ends, so it never tells of a process that is gone. It is flock itself and no
+library's: a sweep shares its lock, and whoever asks for one must not make its file.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""What can be deleted from the results: what no study uses, and what killed solvers left."""
+"""What can be deleted from the results: what no study uses, and what killed solvers left.
+
+Sizes are written by ``readable`` in powers of 1024, as those of memory are; rich knows powers of 1000 only.
+"""
 
 from __future__ import annotations
 

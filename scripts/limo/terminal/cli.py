@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -26,7 +27,12 @@ def main(arguments: list[str] | None = None) -> int:
     """Run one command; returns the exit code (see ``EXIT_CODES``)."""
     arguments = sys.argv[1:] if arguments is None else arguments
     own, options = _split(arguments)
-    chosen = make_parser().parse_args(own)
+    parser = make_parser()
+    if "_ARGCOMPLETE" in os.environ:  # the Tab key
+        from limo.terminal.completion import complete
+
+        complete(parser)
+    chosen = parser.parse_args(own)
     chosen.options = options
     try:
         return chosen.run(chosen) or DONE
@@ -82,11 +88,14 @@ def make_parser() -> argparse.ArgumentParser:
         made.add_argument("--device", default="limo", metavar="DEVICE", help="a file in config/devices (default: %(default)s)")
         _config(made)
     says = "write the cutting pattern of a device to scale, as SVG and DXF with seams on their own layer"
-    with command(_pattern, "pattern", says, "limo 6", "mini_limo 6 --allowance 5 --to cutting") as made:
+    with command(_pattern, "pattern", says, "limo 6", "mini_limo 6 --allowance 5 --dxf-version R12 --to cutting") as made:
         made.add_argument("device", metavar="DEVICE", help="a file in config/devices")
         made.add_argument("n_pouches", metavar="N_P", type=int, help="number of pouches on both faces together")
         made.add_argument("--allowance", type=float, default=0.0, metavar="MM", help="of the cut lines beyond the seals (0)")
         made.add_argument("--width-scale", type=float, metavar="FACTOR", help="instead of the device's own")
+        made.add_argument(
+            "--dxf-version", choices=("R2010", "R12"), default="R2010", help="R12 for cutters that need it (default: %(default)s)"
+        )
         made.add_argument("--to", type=Path, default=Path("results/patterns"), metavar="FOLDER", help="default: %(default)s")
         _config(made)
     says = "show where the cases of a running or finished sweep are"
@@ -228,7 +237,7 @@ def make_parser() -> argparse.ArgumentParser:
         _results(made)
     says = "print what a shell has to read to complete limo's words on the Tab key"
     with command(_completion, "completion", says, "bash >> ~/.bashrc", "zsh > ~/.zfunc/_limo") as made:
-        made.add_argument("shell", choices=("bash", "zsh", "words"), help="words: complete what follows -- (for the scripts)")
+        made.add_argument("shell", choices=("bash", "zsh"), help="which shell is to read it")
     return parser
 
 
@@ -274,7 +283,7 @@ def _pattern(chosen: argparse.Namespace) -> None:
     from limo.terminal.drawing import write_pattern
 
     arguments = (chosen.config, chosen.device, chosen.n_pouches, chosen.to, chosen.width_scale, chosen.allowance)
-    for file in write_pattern(*arguments):
+    for file in write_pattern(*arguments, chosen.dxf_version):
         print(file)
 
 
@@ -422,12 +431,9 @@ def _clean(chosen: argparse.Namespace) -> None:
 
 
 def _completion(chosen: argparse.Namespace) -> None:
-    from limo.terminal.completion import candidates, script
+    from limo.terminal.completion import script
 
-    if chosen.shell == "words":
-        print("\n".join(candidates(make_parser(), chosen.options)))
-    else:
-        print(script(chosen.shell), end="")
+    print(script(chosen.shell), end="")
 
 
 if __name__ == "__main__":

@@ -1,67 +1,40 @@
-"""Completion of ``limo``'s words on the Tab key, in bash and zsh: commands, options, and names of studies, devices and cases."""
+"""Completion of ``limo``'s words on the Tab key by argcomplete: commands, options, and names of studies, devices and cases.
+
+The shell runs ``limo`` itself on every Tab, with the line in its environment (see argcomplete). So nothing heavy may be imported
+on the way here.
+"""
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Iterable
 from pathlib import Path
 
-SCRIPTS = {
-    "bash": """\
-_limo() {{
-    mapfile -t COMPREPLY < <(limo completion words -- "${{COMP_WORDS[@]:1:COMP_CWORD}}" 2>/dev/null)
-}}
-complete -o default -F _limo limo
-""",
-    "zsh": """\
-#compdef limo
-_limo() {{
-    local -a found
-    found=("${{(@f)$(limo completion words -- "${{(@)words[2,CURRENT]}}" 2>/dev/null)}}")
-    compadd -a found || _files
-}}
-compdef _limo limo
-""",
-}
+import argcomplete
+from argcomplete.completers import FilesCompleter
+
+#: where the names are that arguments of these kinds (metavar) have; cases are in the folder of results
+FOLDERS = {"STUDY": Path("config/studies"), "DEVICE": Path("config/devices"), "CASE": Path("cases")}
 
 
 def script(shell: str) -> str:
-    """What a shell has to read to complete ``limo``: ``eval "$(limo completion bash)"``."""
-    return SCRIPTS[shell].format()
+    """What a shell (bash or zsh) has to read to complete ``limo``: ``eval "$(limo completion bash)"``."""
+    return argcomplete.shellcode(["limo"], shell=shell)
 
 
-def candidates(parser: argparse.ArgumentParser, words: Sequence[str]) -> list[str]:
-    """What the last of some words behind ``limo`` may become; the words before it are complete."""
-    *before, last = words or [""]
-    expects: argparse.Action | None = None  # the option whose value comes next
-    for word in before:
-        commands = _commands(parser)
-        if expects is not None:
-            expects = None
-        elif word in commands:
-            parser = commands[word]
-        else:
-            expects = next((a for a in parser._actions if word in a.option_strings and a.nargs != 0), None)
-    if expects is not None:
-        found = _values(expects)
-    elif last.startswith("-"):
-        found = [option for action in parser._actions for option in action.option_strings]
-    else:
-        found = [value for a in parser._actions if not a.option_strings for value in _values(a)]
-    return sorted({word for word in found if word.startswith(last)} - set(before))
+def complete(parser: argparse.ArgumentParser) -> None:
+    """Answer a shell that asks for completions by its environment, and end the process; do nothing for any other caller."""
+    argcomplete.autocomplete(parser, always_complete_options=False, default_completer=values)
 
 
-def _commands(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:
-    actions = (a for a in parser._actions if isinstance(a, argparse._SubParsersAction))
-    return {name: command for action in actions for name, command in action.choices.items()}
-
-
-def _values(action: argparse.Action) -> list[str]:
-    """The values an argument may have; those of files are left to the shell."""
-    if action.choices:
-        return [str(choice) for choice in action.choices]
-    places = {"STUDY": Path("config/studies"), "DEVICE": Path("config/devices"), "CASE": Path("results/cases")}
-    folder = places.get(str(action.metavar))
-    if folder is None or not folder.is_dir():
+def values(prefix: str, action: argparse.Action, parsed_args: argparse.Namespace, **_: object) -> Iterable[str]:
+    """What an argument without choices may be: names that are not in the line yet, files where it is one, else nothing."""
+    kind = str(action.metavar)
+    if kind not in FOLDERS:
+        return FilesCompleter()(prefix) if action.type is Path or action.dest == "config" else []
+    folder = FOLDERS[kind] if kind != "CASE" else getattr(parsed_args, "results", Path("results")) / FOLDERS[kind]
+    if not folder.is_dir():
         return []
-    return [p.name if p.is_dir() else p.stem for p in folder.iterdir() if p.is_dir() or p.suffix in (".yaml", ".yml")]
+    found = {p.name if p.is_dir() else p.stem for p in folder.iterdir() if p.is_dir() or p.suffix in (".yaml", ".yml")}
+    given = getattr(parsed_args, action.dest, None)
+    return sorted(found.difference(given if isinstance(given, list) else ()))

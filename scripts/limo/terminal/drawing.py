@@ -14,7 +14,7 @@ from limo.config.load import load_config
 from limo.config.project import Loaded
 from limo.errors import ConfigError
 from limo.figures import style
-from limo.geometry.cutting import both_halves, cutting_lines, dxf, mirrored, svg
+from limo.geometry.cutting import DXF_VERSIONS, both_halves, cutting_lines, dxf, mirrored, svg
 from limo.geometry.pattern import FlatPattern, flat_pattern
 from limo.mesh.device import mesh_device
 from limo.mesh.file import read_mesh
@@ -117,7 +117,13 @@ def _draw_mesh(axis, mesh: DeviceMesh) -> None:
 
 
 def write_pattern(
-    config_file: str, device: str, n_pouches: int, folder: Path, width_scale: float | None = None, allowance: float = 0.0
+    config_file: str,
+    device: str,
+    n_pouches: int,
+    folder: Path,
+    width_scale: float | None = None,
+    allowance: float = 0.0,
+    dxf_version: str = DXF_VERSIONS[0],
 ) -> list[Path]:
     """Write the cutting pattern of a device as SVG and DXF to scale into a folder; returns the files.
 
@@ -131,6 +137,9 @@ def write_pattern(
     for key, value, low, high in (("--width-scale", width_scale, 0.5, 1.5), ("--allowance", allowance, 0.0, 50.0)):
         if value is not None and not low <= value <= high:
             raise ConfigError("limo pattern", key, value, f"a number from {low:g} to {high:g}", f"{key} {max(low, 1.0):g}")
+    if dxf_version not in DXF_VERSIONS:
+        known = f"one of: {', '.join(DXF_VERSIONS)}"
+        raise ConfigError("limo pattern", "--dxf-version", dxf_version, known, f"--dxf-version {DXF_VERSIONS[-1]}")
     shape = loaded.devices[device].pattern
     if width_scale is not None:
         shape = shape.model_copy(update={"width_scale": width_scale})
@@ -138,6 +147,6 @@ def write_pattern(
     name = f"{device}_np{n_pouches}" + (f"_w{number_label(width_scale)}" if width_scale is not None else "")
     title = f"LIMO device {device}, N_p = {n_pouches}, one face, L = {shape.length:g} mm, allowance {allowance:g} mm"
     files = [folder / f"{name}.svg", folder / f"{name}.dxf"]
-    for file, text in zip(files, (svg(lines, title), dxf(lines)), strict=True):
+    for file, text in zip(files, (svg(lines, title), dxf(lines, dxf_version)), strict=True):
         write_whole(file, lambda path, text=text: path.write_text(text, encoding="utf-8"))
     return files

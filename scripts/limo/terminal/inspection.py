@@ -16,6 +16,7 @@ from limo.cases.cost import duration
 from limo.errors import LimoError, ResultError
 from limo.measure.buckling import events, largest_events
 from limo.measure.ramp import read_ramp
+from limo.reports.markdown import shown, text_table
 from limo.store.files import read_json
 from limo.store.progress import solving_since
 from limo.terminal.status import DEVICE, CaseStatus, case_status, ended_status, number, read_ended, short_names
@@ -165,13 +166,11 @@ def _volumes(one: CaseFolder, pressures: Sequence[float]) -> list[str]:
     reached = float(one.ramp.actuation_pressure[-1])
     wanted = list(pressures) or [p for p in one.described.get("frames", ()) if isinstance(p, int | float)] or [0.0, reached]
     curves = [one.at(name, np.array(wanted, float)) for name in _CURVES]
-    rows = [("P_a [kPa]", "V_v [ml]", "V_a [ml]", "stroke [ml]", "actuation [ml]", "ratio")]
+    header, rows = ("P_a [kPa]", "V_v [ml]", "V_a [ml]", "stroke [ml]", "actuation [ml]", "ratio"), []
     for pressure, *values in zip(wanted, *curves, strict=True):
         ratio = values[2] / values[3] if values[3] > 1.0 else np.nan  # next to nothing says nothing
-        rows.append(
-            (f"{pressure:g}", *(f"{v:.1f}" if np.isfinite(v) else "-" for v in values), f"{ratio:.2f}".replace("nan", "-"))
-        )
-    return ["  ".join(f"{cell:>14}" for cell in row) for row in rows]
+        rows.append((f"{pressure:g}", *(shown(v, ".1f") for v in values), shown(ratio, ".2f")))
+    return _indented(text_table(header, rows))
 
 
 def _events(one: CaseFolder) -> list[str]:
@@ -274,9 +273,9 @@ def flatten(data: Mapping[str, Any], before: str = "") -> dict[str, Any]:
 
 def _columns(header: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
     """Rows of text with the first column to the left and the others to the right, long cells cut."""
-    rows = [[cell if len(cell) <= 40 else f"{cell[:37]}..." for cell in row] for row in (header, *rows)]
-    widths = [max(len(row[k]) for row in rows) for k in range(len(header))]
-    return [
-        "  " + "  ".join([row[0].ljust(widths[0]), *(c.rjust(w) for c, w in zip(row[1:], widths[1:], strict=True))])
-        for row in rows
-    ]
+    rows = [[cell if len(cell) <= 40 else f"{cell[:37]}..." for cell in row] for row in rows]
+    return _indented(text_table(header, rows, left=1))
+
+
+def _indented(text: str) -> list[str]:
+    return [f"  {line}" for line in text.splitlines()]

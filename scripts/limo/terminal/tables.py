@@ -16,6 +16,7 @@ from limo.config.load import load_config
 from limo.datasets.variables import COORDINATES, SYMBOLS, place
 from limo.engines.find import find_engines
 from limo.errors import ResultError
+from limo.reports.markdown import shown
 from limo.store.files import UNREADABLE
 
 
@@ -79,13 +80,13 @@ def study_table(path: Path) -> str:
             {_header(name, text): place(case[name].item()) for name, text in SYMBOLS.items() if name in dims}
             | {
                 "P_a [kPa]": f"{reached:.1f}" if at_end is not None else "-",
-                "stroke [ml]": _number(at_end, "stroke_volume", "{:.1f}"),
-                "ratio": _number(at_end, "io_ratio", "{:.2f}"),
-                **({"touches [kPa]": _number(case, "contact_front_back", "{:.1f}")} if "contact_front_back" in case else {}),
-                "eta(90 ml)": _number(case, "efficiency_90ml", "{:.1%}"),
-                "dissipated": _number(case, "dissipated_fraction", "{:.1%}"),
-                "iterations": _number(case, "iterations", "{:.0f}"),
-                "solver CPU [s]": _number(case, "solver_time", "{:.0f}"),
+                "stroke [ml]": _number(at_end, "stroke_volume", ".1f"),
+                "ratio": _number(at_end, "io_ratio", ".2f"),
+                **({"touches [kPa]": _number(case, "contact_front_back", ".1f")} if "contact_front_back" in case else {}),
+                "eta(90 ml)": _number(case, "efficiency_90ml", ".1%"),
+                "dissipated": _number(case, "dissipated_fraction", ".1%"),
+                "iterations": _number(case, "iterations", ".0f"),
+                "solver CPU [s]": _number(case, "solver_time", ".0f"),
                 "status": str(case.case_status.values),
             }
             | _check(case)
@@ -110,11 +111,10 @@ def _check(case: xr.Dataset) -> dict[str, str]:
         return {}
     return {
         "other engine": str(case.check_status.values) or "-",
-        "stroke differs": _number(case, "check_stroke_difference", "{:.1%}"),
-        "V_v at rest differs": _number(case, "check_rest_difference", "{:+.2%}"),
+        "stroke differs": _number(case, "check_stroke_difference", ".1%"),
+        "V_v at rest differs": _number(case, "check_rest_difference", "+.2%"),
     }
 
 
 def _number(case: xr.Dataset | None, name: str, form: str) -> str:
-    value = float("nan") if case is None else float(case[name])
-    return form.format(value) if np.isfinite(value) else "-"
+    return "-" if case is None else shown(float(case[name]), form)

@@ -1,15 +1,21 @@
 """Cutting patterns to scale: what is on which layer, and that both files say the same."""
 
+import io
+import os
 import re
+import subprocess
+import sys
 import xml.etree.ElementTree as ET
 
+import ezdxf
 import numpy as np
 import pytest
 from shapely import LineString, Polygon
 
 from limo.errors import ConfigError
-from limo.geometry.cutting import BAR, LAYERS, cutting_lines, dxf, svg
+from limo.geometry.cutting import BAR, DXF_VERSIONS, LAYERS, cutting_lines, dxf, svg
 from limo.geometry.pattern import flat_pattern
+from limo.terminal.cli import main
 from limo.terminal.drawing import draw_studies, write_pattern
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -26,29 +32,13 @@ def on(lines, layer):
 
 
 def read_dxf(text):
-    """Polylines of a DXF file as (layer, closed, points), by its pairs of group code and value."""
-    rows = text.splitlines()
-    assert len(rows) % 2 == 0
-    tags = [(int(code), value) for code, value in zip(rows[::2], rows[1::2], strict=True)]
-    assert tags[-1] == (0, "EOF")
-    assert (1, "AC1009") in tags
-    names = {tags[k + 1][1] for k, tag in enumerate(tags) if tag == (0, "LAYER")}
-    found, entity = [], ""
-    for code, value in tags[tags.index((2, "ENTITIES")) :]:
-        if code == 0:
-            entity = value
-            if entity == "POLYLINE":
-                found.append({"points": []})
-            elif entity == "VERTEX":
-                found[-1]["points"].append([None, None])
-        elif code == 8:
-            assert value in names
-            found[-1].setdefault("layer", value)
-        elif code == 70 and entity == "POLYLINE":
-            found[-1]["closed"] = value == "1"
-        elif code in (10, 20) and entity == "VERTEX":
-            found[-1]["points"][-1][code // 10 - 1] = float(value)
-    return [(f["layer"], f["closed"], np.array(f["points"])) for f in found]
+    """Polylines of a DXF file without errors as (layer, closed, points)."""
+    document = ezdxf.read(io.StringIO(text))
+    assert not document.audit().has_issues
+    entities = list(document.modelspace())
+    assert {e.dxftype() for e in entities} == {"POLYLINE" if document.acad_release == "R12" else "LWPOLYLINE"}
+    points = [e.points() if document.acad_release == "R12" else e.get_points("xy") for e in entities]
+    return [(e.dxf.layer, e.is_closed, np.array(list(p))[:, :2]) for e, p in zip(entities, points, strict=True)]
 
 
 def read_svg(text):
@@ -64,20 +54,56 @@ def read_svg(text):
     return paths, [size / extent for size, extent in zip(sizes, box[2:], strict=True)], box
 
 
-def test_both_files_draw_the_same_to_scale(pattern):
+def test_all_files_draw_the_same_to_scale(pattern):
     lines = cutting_lines(pattern, allowance=3.0)
     paths, scale, (left, top, width, height) = read_svg(svg(lines, "a title"))
     assert scale == pytest.approx([1.0, 1.0]), "a unit is a mm"
-    for found in (read_dxf(dxf(lines)), paths):
+    for found, precision in ((paths, 1e-4), *((read_dxf(dxf(lines, version)), 1e-6) for version in DXF_VERSIONS)):
         assert len(found) == len(lines)
         for (layer, closed, points), line in zip(sorted_lines(found), sorted_lines(plain(lines)), strict=True):
             assert (layer, closed) == line[:2]
-            assert points == pytest.approx(line[2], abs=1e-4)
+            assert points.shape == line[2].shape
+            assert np.abs(points - line[2]).max() < precision
     everything = np.vstack([points for _, _, points in paths])
     assert (everything[:, 0] >= left).all()
     assert (everything[:, 0] <= left + width).all()
     assert (-everything[:, 1] >= top).all()
     assert (-everything[:, 1] <= top + height).all()
+
+
+@pytest.mark.parametrize("version", DXF_VERSIONS)
+def test_a_dxf_file_has_units_extents_and_layers_with_their_colours(pattern, version):
+    text = dxf(cutting_lines(pattern), version)
+    document = ezdxf.read(io.StringIO(text))
+    assert document.acad_release == version
+    known = (ezdxf.units.MM, 1) if version != "R12" else (None, None)
+    assert tuple(document.header.get(key) for key in ("$INSUNITS", "$MEASUREMENT")) == known, "R12 has no such keys"
+    assert {layer.dxf.name: layer.dxf.color for layer in document.layers if layer.dxf.name not in ("0", "Defpoints")} == {
+        name: color for name, (_, color, _) in LAYERS.items()
+    }
+    drawn = np.vstack([points for _, _, points in read_dxf(text)])
+    for key, corner in (("$EXTMIN", drawn.min(axis=0)), ("$EXTMAX", drawn.max(axis=0))):
+        assert document.header[key][:2] == tuple(corner)
+    for entity in document.modelspace():
+        assert entity.dxf.color == ezdxf.const.BYLAYER
+
+
+def test_the_same_device_gives_the_same_bytes_in_the_version_that_is_asked_for(root, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(root)
+    asked = ["pattern", "mini_limo", "6", "--to"]
+    for version, options in (("R2010", []), ("R12", ["--dxf-version", "R12"])):
+        assert main([*asked, str(tmp_path / f"first {version}"), *options]) == 0
+        command = [sys.executable, "-m", "limo.terminal.cli", *asked, str(tmp_path / f"again {version}"), *options]
+        said = subprocess.run(command, env=os.environ | {"PYTHONHASHSEED": "1"}, capture_output=True, text=True, check=True)
+        assert said.stderr == ""
+        first, again = (tmp_path / f"{when} {version}" / "mini_limo_np6.dxf" for when in ("first", "again"))
+        assert first.read_bytes() == again.read_bytes()
+        assert ezdxf.readfile(first).acad_release == version
+    with pytest.raises(SystemExit) as caught:
+        main([*asked, str(tmp_path), "--dxf-version", "R13"])
+    assert caught.value.code == 2
+    said = capsys.readouterr().err
+    assert all(version in said for version in DXF_VERSIONS)
 
 
 def plain(lines):
@@ -127,7 +153,12 @@ def test_files_are_written_and_mistakes_are_one_message(root, tmp_path, monkeypa
     write_pattern(config, "limo", 6, tmp_path)
     (own,) = [points for layer, _, points in read_dxf((tmp_path / "limo_np6.dxf").read_text()) if layer == "CUT_WALL"]
     assert np.ptp(wall[:, 0]) < np.ptp(own[:, 0]), "the device's own scale is larger"
-    for arguments, word in ((("nothing", 6), "DEVICE"), (("limo", 5), "N_P"), (("limo", 6, -1.0), "--width-scale")):
+    for arguments, word in (
+        (("nothing", 6), "DEVICE"),
+        (("limo", 5), "N_P"),
+        (("limo", 6, -1.0), "--width-scale"),
+        (("limo", 6, 1.0, 0.0, "R13"), "--dxf-version"),
+    ):
         with pytest.raises(ConfigError, match=word):
             write_pattern(config, *arguments[:2], tmp_path, *arguments[2:])
 

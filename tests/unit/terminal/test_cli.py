@@ -1,5 +1,8 @@
 """The command line: its help, exit codes, completion, and new studies."""
 
+import os
+import pty
+import select
 import shutil
 import subprocess
 import sys
@@ -9,7 +12,7 @@ import pytest
 from limo.cases.grid import study_cases
 from limo.config.load import RULES, load_config
 from limo.terminal.cli import _split, main, make_parser
-from limo.terminal.completion import candidates, script
+from limo.terminal.completion import script
 
 COMMANDS = (
     "check", "new-study", "pattern", "status", "sweep", "show", "compare", "table", "benchmark", "performance", "clean",
@@ -122,52 +125,118 @@ def test_names_that_are_taken_or_cannot_be_write_nothing(project, name, capsys):
 # completion
 
 
+SEPARATOR = "\v"  # argcomplete's
+
+
+def ask(line, tmp_path, *options):
+    """What ``limo`` answers a shell whose line is completed at its end, by argcomplete's protocol; and standard error."""
+    file = tmp_path / "answer"
+    asked = {
+        "_ARGCOMPLETE": "1", "COMP_LINE": line, "COMP_POINT": str(len(line)), "_ARGCOMPLETE_STDOUT_FILENAME": str(file),
+        "_ARGCOMPLETE_SUPPRESS_SPACE": "1", "_ARGCOMPLETE_SHELL": "bash",
+    }  # fmt: skip
+    command = [sys.executable, *options, "-m", "limo.terminal.cli"]
+    done = subprocess.run(command, env=os.environ | asked, capture_output=True, text=True, check=True)
+    assert done.stdout == ""
+    return {word for word in file.read_text().split(SEPARATOR) if word}, done.stderr
+
+
 @pytest.mark.parametrize(
-    ("words", "found"),
+    ("line", "found"),
     [
-        ([""], set(COMMANDS)),
-        (["sta"], {"status"}),
-        (["status", "--w"], {"--watch"}),
-        (["status", "press"], {"pressure_volume"}),
-        (["status", "--cores", "8", "press"], {"pressure_volume"}),
-        (["status", "--cores", ""], set()),
-        (["check", "--draw", ""], {"png", "svg"}),
-        (["pattern", "m"], {"mini_limo"}),
-        (["pattern", "limo", "--w"], {"--width-scale"}),
-        (["new-study", "x", "--device", "mini"], {"mini_limo"}),
-        (["show", "limo_np4"], {"limo_np4_pv3.8"}),
-        (["performance", "rec"], {"record"}),
-        (["performance", "record", "--t"], {"--table"}),
-        (["completion", "z"], {"zsh"}),
+        ("", set(COMMANDS)),
+        ("sta", {"status"}),
+        ("status --w", {"--watch"}),
+        ("status press", {"pressure_volume"}),
+        ("status --cores 8 press", {"pressure_volume"}),
+        ("status pressure_volume press", set()),
+        ("status --cores ", set()),
+        ("check --draw s", {"svg", "stress", "strain_paths", "symmetry", "scatter_np4", "scatter_np8", "shells_np4"}),
+        ("check --config conf", {"config/"}),
+        ("pattern m", {"mini_limo"}),
+        ("pattern limo --w", {"--width-scale"}),
+        ("pattern limo 6 --dxf-version ", {"R2010", "R12"}),
+        ("new-study x --device mini", {"mini_limo"}),
+        ("show limo_np4", {"limo_np4_pv3.8"}),
+        ("show limo_np4_pv3.8 limo_np4", set()),
+        ("show --results copied limo", {"limo_np6_pv3.8"}),
+        ("show --results nowhere limo", set()),
+        ("performance rec", {"record"}),
+        ("performance record --t", {"--table"}),
+        ("completion z", {"zsh"}),
     ],
 )
-def test_words_are_completed(project, words, found):
+def test_words_are_completed(project, line, found):
     (project / "results/cases/limo_np4_pv3.8").mkdir(parents=True)
-    assert set(candidates(make_parser(), words)) == found
+    (project / "copied/cases/limo_np6_pv3.8").mkdir(parents=True)
+    assert ask(f"limo {line}", project)[0] == found
 
 
-def test_bash_completes_with_the_script(project, tmp_path):
-    """As the Tab key does it: bash calls the function with the words so far."""
-    limo = tmp_path / "bin" / "limo"
+@pytest.mark.parametrize("line", ["limo ", "limo status ", "limo pattern ", "limo show "])
+def test_the_tab_key_imports_nothing_heavy(project, line):
+    (project / "results/cases/limo_np4_pv3.8").mkdir(parents=True)
+    found, said = ask(line, project, "-X", "importtime")
+    assert found
+    imported = {row.rpartition("|")[2].strip() for row in said.splitlines() if row.startswith("import time:")}
+    assert "argcomplete" in imported
+    heavy = {"numpy", "pandas", "xarray", "pydantic", "yaml", "scipy", "matplotlib", "gmsh", "snakemake", "rich", "ezdxf"}
+    assert not imported & heavy
+
+
+@pytest.fixture
+def shell(project):
+    """Environment of a shell that finds ``limo``, without start-up files."""
+    limo = project / "bin" / "limo"
     limo.parent.mkdir()
     limo.write_text(f'#!/bin/sh\nexec {sys.executable} -m limo.terminal.cli "$@"\n')
     limo.chmod(0o755)
-    lines = [
-        f"PATH={limo.parent}:$PATH",
-        script("bash"),
-        "COMP_WORDS=(limo status press); COMP_CWORD=2; _limo",
-        'printf "%s\\n" "${COMPREPLY[@]}"',
-        "COMP_WORDS=(limo status ''); COMP_CWORD=2; _limo",
-        'printf "%s\\n" "${COMPREPLY[@]}"',
-    ]
-    done = subprocess.run(["bash", "-c", "\n".join(lines)], capture_output=True, text=True, check=False)
+    return os.environ | {"PATH": f"{limo.parent}:{os.environ['PATH']}", "TERM": "dumb", "PS1": "$ "}
+
+
+def test_bash_completes_with_the_script(shell):
+    """As bash does it on the Tab key: it calls the function that the script registers, with the line so far."""
+    lines = ['eval "$(limo completion bash)"', "complete -p limo"]
+    for line in ("limo status press", "limo status "):
+        lines += [f"COMP_LINE='{line}'; COMP_POINT=${{#COMP_LINE}}", "_python_argcomplete limo", "echo ${COMPREPLY[@]}"]
+    done = subprocess.run(["bash", "-c", "\n".join(lines)], env=shell, capture_output=True, text=True, check=False)
     assert done.stderr == ""
-    first, *rest = done.stdout.split()
+    registered, first, rest = done.stdout.splitlines()
+    assert registered.endswith("-F _python_argcomplete limo")
     assert first == "pressure_volume"
-    assert {"afterload", "compliance"} <= set(rest)
+    assert {"afterload", "compliance"} <= set(rest.split())
 
 
-def test_the_script_of_zsh_is_zsh():
-    if not shutil.which("zsh"):
-        pytest.skip("no zsh on this machine")
-    assert subprocess.run(["zsh", "-n"], input=script("zsh"), text=True, check=False).returncode == 0
+def test_the_tab_key_of_a_terminal_completes(shell):
+    """A true bash in a terminal, and a true Tab."""
+    outer, inner = pty.openpty()
+    bash = subprocess.Popen(
+        ["bash", "--norc", "--noprofile", "-i"], stdin=inner, stdout=inner, stderr=inner, env=shell, start_new_session=True
+    )
+    os.close(inner)
+    try:
+        os.write(outer, b'eval "$(limo completion bash)"; echo "ready"-"now"\n')
+        assert await_text(outer, "ready-now")
+        os.write(outer, b"limo pattern mi\t")
+        assert await_text(outer, "limo pattern mini_limo ")
+    finally:
+        bash.kill()
+        bash.wait()
+        os.close(outer)
+
+
+def await_text(terminal, wanted, patience=60.0):
+    """Whether a terminal shows a text before nothing new has come for so many seconds."""
+    shown = ""
+    while wanted not in shown:
+        if not select.select([terminal], [], [], patience)[0]:
+            return False
+        shown += os.read(terminal, 4096).decode()
+    return True
+
+
+@pytest.mark.parametrize("name", ["bash", "zsh"])
+def test_the_script_of_a_shell_is_one(name):
+    if not shutil.which(name):
+        pytest.skip(f"no {name} on this machine")
+    assert script(name).startswith("#compdef limo\n"), "by which zsh finds it in a folder of functions"
+    assert subprocess.run([name, "-n"], input=script(name), text=True, check=False).returncode == 0

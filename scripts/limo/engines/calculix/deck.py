@@ -1,7 +1,8 @@
 """The CalculiX input file of a model: one small class per block of keywords.
 
 The stages follow each other in one implicit dynamic step. CalculiX knows one damping for the whole run, so a stage with
-less damping is run in proportionally longer time: quasi-statically only damping times rate matters (``StageTime``).
+less damping is run in proportionally longer time: quasi-statically only damping times rate matters (``StageTime``). No
+dependency writes steps and loads; meshio's input files have nodes, elements and sets.
 """
 
 from __future__ import annotations

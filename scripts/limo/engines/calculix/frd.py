@@ -1,7 +1,7 @@
 """Displacement frames from CalculiX's binary result file (.frd).
 
 Layout: text headers; ``100CL`` starts a frame (time, number of nodes), ``-4  DISP`` and ``-5`` lines name the field, then
-one record a node: its number as int32 and three float32 (format 2) or float64 (format 3).
+one record a node: its number as int32 and three float32 (format 2) or float64 (format 3). No dependency reads such files.
 """
 
 from __future__ import annotations
