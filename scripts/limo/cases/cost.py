@@ -95,7 +95,7 @@ def share_done(engine: str, fitted: float, held: float, ramped: float) -> float:
 def seconds_left(predicted: float, elapsed: float, share: float) -> float:
     """Time (s) that a run still takes, of which a share is done after ``elapsed`` s.
 
-    The whole takes what was predicted as far as nothing is known, and ``elapsed / share`` as far as the run itself tells.
+    Total time blends the prediction (weight 1 - share) with ``elapsed / share`` (weight share).
     """
     return (1.0 - share) * ((1.0 - share) * predicted + elapsed)
 

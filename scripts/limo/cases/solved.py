@@ -73,7 +73,7 @@ class Solved:
         return attempts[0].get("status") in USABLE or not solved_with or solved_with.split("-")[0] == recovery
 
     def next_recovery(self, recovery: str) -> str:
-        """What the next solve of it is called: its ladder, and the how manieth solve it is."""
+        """Label of the next solve: the ladder's digest and a running number."""
         if self.settled(recovery) and (before := self.status.get("recovery")):
             return before
         count = str(self.status.get("recovery") or "-0").rpartition("-")[2]
@@ -81,7 +81,7 @@ class Solved:
 
 
 def solved_cases(results: Path) -> tuple[dict[str, Solved], dict[str, str]]:
-    """The cases below ``results/cases`` by id, and of those whose files are damaged when that was done."""
+    """Solved cases by id; for cases with damaged files, the time of the damage."""
     found, damaged = {}, {}
     folder = results / "cases"
     for name in sorted(p.name for p in folder.iterdir()) if folder.is_dir() else ():

@@ -61,8 +61,8 @@ class Loaded:
     def settings(self, study: Study) -> dict[str, Setting]:
         """What a study uses, by the names of its variants; without variants by an empty name.
 
-        Raises pydantic's ``ValidationError`` for changed numerics or material that are none, ``KeyError`` for a name that is not
-        there.
+        Raises pydantic's ``ValidationError`` if the overridden numerics or material are invalid, ``KeyError`` for an unknown
+        name.
         """
         return {name: self._setting(study, variant) for name, variant in (study.variants or {"": Variant()}).items()}
 

@@ -104,14 +104,18 @@ def airbag_report(rows: pd.DataFrame, airbags: Mapping[str, Airbag], pictures: M
     """The section *Square airbag*; ``pictures`` (markdown) by airbag."""
     parts = [
         "## Square airbag",
-        "A quarter of the upper sheet, `config/airbags`; raw rows in `docs/gallery/data/airbag.csv`. `n` counts elements along "
-        "half a side, `w_M` is the height of the centre, `u_B` how far the middle of an edge moves in, `u_B smooth` the same by "
-        "an even parabola through the inner half of the edge, because the middle lies in a fold; `u corner` is what the corner "
-        "moves in along x and y. `via 100, 10 p`: the pressure passes 100 p and 10 p first, which irons wrinkles out that "
-        "otherwise stay where they first appeared. Shells turn on the planes of symmetry, where CalculiX cannot hold them; so do "
-        "bricks that are `hinged`. CPU seconds of one thread.",
-        "A sheet rests in many wrinkled states, whose heights differ by some percent on one mesh: compare the paths of the same "
-        "bricks. An error or an order below that scatter says nothing.",
+        "The model is a quarter of the upper sheet (`config/airbags`). Raw rows are in `docs/gallery/data/airbag.csv`.",
+        "- `n`: elements along half a side.\n"
+        "- `w_M`: height of the centre.\n"
+        "- `u_B`: how far the middle of an edge moves in.\n"
+        "- `u_B smooth`: the same by an even parabola through the inner half of the edge. The middle itself lies in a fold.\n"
+        "- `u corner`: how far the corner moves in along x and y.\n"
+        "- `via 100, 10 p`: the pressure passes 100 p and 10 p first. This irons out wrinkles that otherwise stay where they "
+        "first appeared.",
+        "Shells turn on the planes of symmetry, where CalculiX cannot hold them. So do `hinged` bricks. CPU seconds are of one "
+        "thread.",
+        "A sheet has many wrinkled equilibrium states. On one mesh their heights differ by some percent, so compare the paths of "
+        "the same bricks. An error or an order below that scatter is not significant.",
     ]
     for name, of in rows.groupby("airbag", sort=False):
         if name not in airbags:
@@ -123,12 +127,12 @@ def airbag_report(rows: pd.DataFrame, airbags: Mapping[str, Airbag], pictures: M
         height = published_height(airbag)
         if np.isfinite(height):
             off, sizes = _off_published(of, airbag), " and ".join(map(str, published_densities(airbag)))
-            density = f"with as many elements as published meshes have (n = {sizes}) and " if sizes else ""
+            density = f"meshes with as many elements as published ones (n = {sizes}) and " if sizes else ""
             parts += [
-                f"Against published values (`config/airbags/{name}.yaml`), {density}on the finest mesh: w_M = {number(height)} "
-                f"mm and u_B = {number(published_draw_in(airbag))} mm. The published draw-in is that of the middle of an edge: "
-                "the diagonal is taut, so the corner cannot move in that far while the centre rises. `lowest` marks the path "
-                "that ended with the least potential energy Pi among equal bricks on equal planes.",
+                f"Published values (`config/airbags/{name}.yaml`) are w_M = {number(height)} mm and u_B = "
+                f"{number(published_draw_in(airbag))} mm. The table compares {density}the finest mesh with them. The published "
+                "draw-in is that of the middle of an edge. The diagonal is taut, so the corner cannot move in that far while the "
+                "centre rises. `lowest` marks the path with the least potential energy Pi among equal bricks on equal planes.",
                 markdown_table(_against_published(off, airbag)),
                 _within_both(off, airbag),
                 *_by_the_other_engine(of),
@@ -136,7 +140,7 @@ def airbag_report(rows: pd.DataFrame, airbags: Mapping[str, Airbag], pictures: M
         planes = sorted(of.planes.unique())
         limits = ", ".join(f"{number(finest_limit(of, p))} mm with {p} planes" for p in planes)
         parts += [
-            f"Convergence towards the bricks of engine newton on their finest mesh, {limits}:",
+            f"Convergence towards w_M of newton's bricks on their finest mesh ({limits}):",
             markdown_table(_convergence(of)),
             _locking(of),
             *pictures.get(name, ()),
@@ -161,9 +165,9 @@ def _within_both(off: pd.DataFrame, airbag: Airbag) -> str:
         near &= off[f"off_{key}"].abs() <= WITHIN[key]
     found = [f"{row.series} at n = {row.divisions}" for row in off[near].itertuples()]
     never = [element for element in ASKED if element not in set(off[near].element)]
-    return (
-        f"Within both on meshes of published density: {'; '.join(found) or 'none'}."
-        + f" On none of them: {', '.join(never)}." * bool(never)
+    listed = "\n" + "".join(f"\n- {run}" for run in found) if found else " none."
+    return f"Within both bounds on meshes of published density:{listed}" + (
+        f"\n\nNever within both there: {', '.join(never)}." * bool(never)
     )
 
 
@@ -179,8 +183,8 @@ def _by_the_other_engine(rows: pd.DataFrame) -> list[str]:
             finest = bricks.loc[bricks.divisions.idxmax()]
             said.append(
                 f"CalculiX makes {brick} of {shell}. The same bricks written out and solved by newton end within "
-                f"{apart.median():.1%} of its height (median of {len(both)} meshes, at most {apart.max():.1%}), "
-                f"and at n = {finest.divisions} at {number(finest.height)} mm."
+                f"{apart.median():.1%} of its height (median of {len(both)} meshes, at most {apart.max():.1%}). "
+                f"At n = {finest.divisions} they end at {number(finest.height)} mm."
             )
     return said
 
@@ -199,7 +203,7 @@ def _locking(rows: pd.DataFrame) -> str:
         off = good.height.iloc[-1] / finest_limit(rows, good.planes.iloc[-1]) - 1
         verdict = "locks or fails" if abs(off) > LOCKED else "does not"
         said.append(f"{element} {verdict}: on its finest mesh (n = {good.divisions.iloc[-1]}) it is {signed_percent(off)} off")
-    return f"The paper finds that S3 and S4R lock or fail. Here {'; '.join(said)}." if said else ""
+    return f"The paper finds that S3 and S4R lock or fail. Here {'. '.join(said)}." if said else ""
 
 
 def _against_published(off: pd.DataFrame, airbag: Airbag) -> pd.DataFrame:

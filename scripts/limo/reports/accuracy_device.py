@@ -43,18 +43,29 @@ _COLUMNS = {
 }
 _HEAD = """## The device
 
-Two devices: `np4`, N_p = 4 at P_v = 13.8 kPa as in the paper, and `np8`, N_p = 8 at P_v = 3.8 kPa. Each setting is solved once
-(`config/studies/accuracy_*`, `shells_*`) and compared with the mean of runs on the finest mesh whose flat states differ by a
-fraction of a thickness (`reference_*`); such runs on coarser meshes (`scatter_*`) tell how far apart the same setting lands.
-`referee_*` is CalculiX itself on a finer mesh. `volumes` is the larger relative L2 error of V_v and Delta V_a over the ramp,
-`stress` that of the top-5 % von Mises stress at P_a,max, `w` that of the largest w there, `d_c` the symmetric Chamfer distance of
-the surfaces there. **An error within the scatter says nothing**: it is marked with ~. All runs keep 21 frames, which change no
-curve but cost newton iterations (`docs/methods.md`). Rows and curves: `docs/gallery/data/accuracy.nc`. Reference and referee take
-hours: their runs are solved once and kept with their curves and surfaces in `docs/gallery/data/<study>_runs.nc`; without that
-file they are solved anew."""
+There are two devices. `np4` has N_p = 4 at P_v = 13.8 kPa, as in the paper. `np8` has N_p = 8 at P_v = 3.8 kPa.
+
+- **Settings** (`config/studies/accuracy_*`, `shells_*`): each is solved once and compared with the reference.
+- **Reference** (`reference_*`): the mean of runs on the finest mesh. Their flat states differ by a fraction of a thickness.
+- **Scatter** (`scatter_*`): such runs on coarser meshes. They show how far apart runs of the same setting end.
+- **Referee** (`referee_*`): CalculiX itself on a finer mesh.
+
+The columns of errors are:
+
+- `volumes`: the larger relative L2 error of V_v and Delta V_a over the ramp.
+- `stress`: the error of the top-5 % von Mises stress at P_a,max.
+- `w`: the error of the largest w at P_a,max.
+- `d_c`: the symmetric Chamfer distance of the surfaces at P_a,max.
+
+**An error within the scatter is not significant**; it is marked with ~. All runs keep 21 frames. These change no curve but cost
+newton iterations (`docs/methods.md`). Rows and curves are in `docs/gallery/data/accuracy.nc`.
+
+Reference and referee take hours. Their runs are solved once and kept with their curves and surfaces in
+`docs/gallery/data/<study>_runs.nc`. Without that file they are solved again."""
 _SCALING = (
-    "CPU time by whole runs that differ in mesh level and symmetry alone; time of an iteration and memory by models of the full "
-    "device that were iterated a few times from flat, as far as memory and patience go (`scaling` in `config/config.yaml`)."
+    "The exponent of CPU time comes from whole runs that differ only in mesh level and symmetry. The time of an iteration and "
+    "the memory come from models of the full device (`scaling` in `config/config.yaml`). These are iterated a few times from the "
+    "flat state, up to a limit of memory and time."
 )
 _TO_MEASURE = "`make accuracy` measures it."
 
@@ -67,8 +78,8 @@ def device_report(dataset: xr.Dataset | None, presets: dict[str, Preset]) -> str
     rows = rows_of(dataset)
     builds, machines = (", ".join(sorted(set(rows[name][rows[name] != ""]))) for name in ("build", "machine"))
     parts.append(
-        "CPU seconds of one thread by the operating system's accounting, two cases side by side. `timed` is how many solves they "
-        "are the median of; a case of less than a minute is solved again for that. Machines and builds: "
+        "CPU seconds are of one thread, by the operating system's accounting, with two cases side by side. They are the median "
+        "of `timed` solves; a case of less than a minute is solved several times for that. Machines and builds: "
         f"{machines}; {builds}." + " Seconds of different machines are not to be compared." * ("," in machines)
     )
     names = list(dict.fromkeys(rows.device))
@@ -162,29 +173,36 @@ def _fitting(models: pd.DataFrame) -> float:
 # questions
 
 QUESTIONS = {
-    "preview": "What does `preview` cost, and how wrong is it, for volumes and for stress?",
-    "symmetry": "Does quarter symmetry change volumes, and by how much?",
+    "preview": "What does `preview` cost, and how large are its errors?",
+    "symmetry": "How much does quarter symmetry change the volumes?",
     "shells": "Is S8R as good as S8?",
     "damping": "How much damping is harmless?",
-    "mesh": "Which mesh would you pay for?",
-    "paper": "Where does the paper's 2 % stand?",
-    "scatter": "Scatter of paths or discretisation error?",
-    "limit": "How far is the reference itself from the limit of ever finer meshes?",
-    "engines": "CalculiX against newton at `medium`?",
+    "mesh": "Which mesh is the cheapest with small errors?",
+    "paper": "Are the settings within the paper's 2 %?",
+    "scatter": "How large are the scatter of paths and the discretisation error?",
+    "limit": "How far is the reference from the limit of ever finer meshes?",
+    "engines": "How far do CalculiX and newton differ at `medium`?",
 }
 
 
-def _answers(found: dict[str, dict[str, str]]) -> str:
+def _answers(found: dict[str, dict[str, list[str]]]) -> str:
     """Each question with the answer of each device."""
     lines = []
     for key, question in QUESTIONS.items():
-        each = [f"  - `{device}`: {answers[key]}." for device, answers in found.items()] or [f"  - {NOT_MEASURED}."]
+        each = [_answer(device, answers[key]) for device, answers in found.items()] or [f"  - {NOT_MEASURED}."]
         lines.append("\n".join([f"- **{question}**", *each]))
     return "\n".join(lines)
 
 
-def _answers_of(dataset: xr.Dataset, rows: pd.DataFrame) -> dict[str, str]:
-    """The answers of one device by the keys of ``QUESTIONS``."""
+def _answer(device: str, findings: list[str]) -> str:
+    """The findings of one device: a single one beside its name, several as a list below it."""
+    if len(findings) == 1:
+        return f"  - `{device}`: {findings[0]}."
+    return "\n".join([f"  - `{device}`:", *(f"    - {finding}." for finding in findings)])
+
+
+def _answers_of(dataset: xr.Dataset, rows: pd.DataFrame) -> dict[str, list[str]]:
+    """The findings of one device by the keys of ``QUESTIONS``."""
     return {
         "preview": _preview(rows),
         "symmetry": _symmetry(dataset, rows),
@@ -218,14 +236,14 @@ def _compared(dataset: xr.Dataset, run: pd.Series, other: pd.Series) -> str:
     return f"volumes {percent(found['volumes'])}, stroke {stroke}, stress {stress}{times}"
 
 
-def _preview(rows: pd.DataFrame) -> str:
+def _preview(rows: pd.DataFrame) -> list[str]:
     own = _first(settings_of(rows), preset="preview")
     if own is None:
-        return NOT_MEASURED
-    return (
+        return [NOT_MEASURED]
+    return [
         f"{own.cpu_seconds:.0f} s of CPU time and {own.memory_mib:.0f} MiB; volumes {_error(own, 'error_volumes', rows)}, stroke "
         f"{_error(own, 'error_stroke', rows)}, stress {_error(own, 'error_stress', rows)}"
-    )
+    ]
 
 
 def _against_default(dataset: xr.Dataset, settings: pd.DataFrame, varied: str) -> list[str]:
@@ -237,11 +255,11 @@ def _against_default(dataset: xr.Dataset, settings: pd.DataFrame, varied: str) -
     return lines
 
 
-def _symmetry(dataset: xr.Dataset, rows: pd.DataFrame) -> str:
+def _symmetry(dataset: xr.Dataset, rows: pd.DataFrame) -> list[str]:
     return _with_scatter(_against_default(dataset, settings_of(rows), "symmetry"), rows)
 
 
-def _shells(dataset: xr.Dataset, rows: pd.DataFrame) -> str:
+def _shells(dataset: xr.Dataset, rows: pd.DataFrame) -> list[str]:
     settings, lines = settings_of(rows), []
     reduced, full = _first(settings, element="S8R"), _first(settings, element="S8")
     if reduced is not None and full is not None:
@@ -256,13 +274,13 @@ def _shells(dataset: xr.Dataset, rows: pd.DataFrame) -> str:
         if (base := _first(settings, level=run.level, symmetry=run.symmetry, element="C3D20R", engine=run.engine)) is not None:
             off = " and ".join(_error(row, "error_stroke", rows) for row in (run, base))
             lines.append(
-                f"{run.element} against C3D20R on `{run.level}` with {run.engine}: {_compared(dataset, run, base)}; strokes are "
-                f"off the reference by {off}" + f" ({run.status})" * (run.status != "converged")
+                f"{run.element} against C3D20R on `{run.level}` with {run.engine}: {_compared(dataset, run, base)}. Their "
+                f"strokes are off the reference by {off}" + f"; {run.element} is {run.status}" * (run.status != "converged")
             )
     return _with_scatter(lines, rows)
 
 
-def _damping(dataset: xr.Dataset, rows: pd.DataFrame) -> str:
+def _damping(dataset: xr.Dataset, rows: pd.DataFrame) -> list[str]:
     settings, lines = settings_of(rows), []
     scatter = scatter_row(rows, "scatter")
     for _, run in settings[settings.change.str.contains("damping")].iterrows():
@@ -272,90 +290,91 @@ def _damping(dataset: xr.Dataset, rows: pd.DataFrame) -> str:
         verdict = ""
         if scatter is not None:
             harmless = found["volumes"] <= scatter.error_volumes and abs(found["stress"]) <= scatter.error_stress
-            verdict = ": harmless" if harmless else ": not harmless"
+            verdict = " is harmless" if harmless else " is not harmless"
         lines.append(
-            f"{run.change} 1/s, {_compared(dataset, run, base)}, dissipated {percent(run.dissipated_fraction)} instead of "
-            f"{percent(base.dissipated_fraction)}{verdict}"
+            f"{run.change} 1/s{verdict}: {_compared(dataset, run, base)}, dissipated {percent(run.dissipated_fraction)} instead "
+            f"of {percent(base.dissipated_fraction)}"
         )
     return _with_scatter(lines, rows)
 
 
-def _mesh(rows: pd.DataFrame) -> str:
+def _mesh(rows: pd.DataFrame) -> list[str]:
     """The cheapest mesh level whose volumes are within the paper's 2 %, or within the scatter where that is larger."""
     settings, scatter = settings_of(rows), scatter_row(rows, "reference")
     levels = settings[settings.varied.isin(["", "level"]) & np.isfinite(settings.error_volumes)]
     if levels.empty or scatter is None:
-        return NOT_MEASURED
+        return [NOT_MEASURED]
     bound = max(PAPER_HEIGHT, scatter.error_volumes)
     good = levels[levels.error_volumes <= bound].sort_values("cpu_seconds")
-    wanted = f"volumes within {percent(bound)}, the larger of 2 % and the scatter on the finest mesh"
+    wanted = f"volumes within {percent(bound)}"
+    meant = "The bound is the larger of 2 % and the scatter on the finest mesh"
     if good.empty:
-        return f"none of {', '.join(dict.fromkeys(levels.level))} has {wanted}"
+        return [f"none of {', '.join(dict.fromkeys(levels.level))} has {wanted}. {meant}"]
     best = good.iloc[0]
     named = f", preset `{best.preset}`," if best.preset else ""
-    return (
-        f"`{best.level}` with {best.engine}{named} for {best.cpu_seconds:.0f} s is the cheapest with {wanted}; its stress is "
-        f"off by {_error(best, 'error_stress', rows)}"
-    )
+    return [
+        f"`{best.level}` with {best.engine}{named} for {best.cpu_seconds:.0f} s is the cheapest with {wanted}. Its stress is "
+        f"off by {_error(best, 'error_stress', rows)}. {meant}"
+    ]
 
 
-def _paper(rows: pd.DataFrame) -> str:
+def _paper(rows: pd.DataFrame) -> list[str]:
     """Largest w and d_c / L as the paper takes them, of the mesh that it says so of and of its own element at its own density."""
     settings, lines = settings_of(rows), []
     for _, run in settings[settings.varied.isin(["", "level"]) & (settings.level == PAPER_LEVEL)].iterrows():
         if verdicts := _within_paper(run, rows):
-            lines.append(f"`{run.level}` against the finest mesh with {run.engine}, {verdicts}")
+            lines.append(f"`{run.level}` against the finest mesh with {run.engine}: {verdicts}")
     usable = rows[(rows.kind == "run") & (rows.branch == 0) & rows.status.isin(USABLE)]
     own = _first(usable[usable.varied == "level, element"], level="paper", element="C3D20")
     if own is not None and (verdicts := _within_paper(own, rows)):
         lines.append(
-            f"the paper's own element at its own density (full integration, `paper`), {verdicts}, while its volumes are off by "
+            f"The paper's element at its own density (full integration, `paper`): {verdicts}. Its volumes are off by "
             f"{_error(own, 'error_volumes', rows)} and its stroke by {_error(own, 'error_stroke', rows)}"
         )
     best = settings[settings.error_volumes <= PAPER_HEIGHT].sort_values("cpu_seconds")
     if lines and len(best):
-        lines.append(f"cheapest setting with volumes within 2 %: `{best.iloc[0].setting}`, {best.iloc[0].cpu_seconds:.0f} s")
+        lines.append(f"Cheapest setting with volumes within 2 %: `{best.iloc[0].setting}`, {best.iloc[0].cpu_seconds:.0f} s")
     elif lines:
-        lines.append("no setting has volumes within 2 %")
-    return "; ".join(lines) or NOT_MEASURED
+        lines.append("No setting has volumes within 2 %")
+    return lines or [NOT_MEASURED]
 
 
 def _within_paper(run: pd.Series, rows: pd.DataFrame) -> str:
     """Whether a run is as near to the finest mesh as the paper says of its own."""
     asked = (("error_height", PAPER_HEIGHT, "largest w"), ("error_chamfer", PAPER_CHAMFER, "d_c / L"))
     return ", ".join(
-        f"{label} {_error(run, column, rows)} of at most {percent(bound)}: {'met' if run[column] <= bound else '**not met**'}"
+        f"{label} {_error(run, column, rows)} (at most {percent(bound)}, {'met' if run[column] <= bound else '**not met**'})"
         for column, bound, label in asked
         if np.isfinite(run[column])
     )
 
 
-def _scatter(rows: pd.DataFrame) -> str:
+def _scatter(rows: pd.DataFrame) -> list[str]:
     lines = []
     for _, row in rows[rows.kind == "scatter"].iterrows():
         line = (
-            f"{row.members:.0f} runs at `{row.level}` are off the mean of the others by {percent(row.error_volumes)} in volumes "
-            f"and {percent(row.error_stress)} in stress"
+            f"{row.members:.0f} runs at `{row.level}` differ on average from the mean of the others by "
+            f"{percent(row.error_volumes)} in volumes and {percent(row.error_stress)} in stress"
         )
         mean = _first(rows[rows.kind == "mean"], part=row.part, setting=row.setting)
         if row.part != "reference":
             line += (
-                f", their mean is off the reference by {percent(mean.error_volumes)} and {percent(mean.error_stress)}, "
+                f". Their mean is off the reference by {percent(mean.error_volumes)} and {percent(mean.error_stress)}, "
                 "which is discretisation error"
             )
         lines.append(line)
-    return "; ".join(lines) or NOT_MEASURED
+    return lines or [NOT_MEASURED]
 
 
-def _limit(rows: pd.DataFrame) -> str:
+def _limit(rows: pd.DataFrame) -> list[str]:
     """Stroke and stress over the meshes that differ from the reference's in size alone, and where they tend to."""
     mean, settings = _first(rows[rows.kind == "mean"], part="reference"), settings_of(rows)
     if mean is None:
-        return NOT_MEASURED
+        return [NOT_MEASURED]
     alike = settings[(settings.varied == "level") & (settings.engine == mean.engine) & (settings.grading == mean.grading)]
     coarser = alike[alike.part == "accuracy"].sort_values("degrees_of_freedom")
     if coarser.empty:
-        return NOT_MEASURED
+        return [NOT_MEASURED]
     levels = pd.concat([coarser, mean.to_frame().T])
     found = []
     for name, unit in (("stroke", "ml"), ("stress", "MPa")):
@@ -363,15 +382,15 @@ def _limit(rows: pd.DataFrame) -> str:
         over = ", ".join(f"{number(v)} (`{level}`)" for v, level in zip(values, levels.level, strict=True))
         second, first = (signed_percent(richardson(size, values, order) / values[-1] - 1) for order in (2.0, 1.0))
         found.append(f"{name} {over} {unit}; Richardson's extrapolation adds {second} (second order) to {first} (first order)")
-    return "; ".join(found)
+    return found
 
 
-def _engines(dataset: xr.Dataset, rows: pd.DataFrame) -> str:
+def _engines(dataset: xr.Dataset, rows: pd.DataFrame) -> list[str]:
     settings = settings_of(rows)
     same = settings[settings.varied.isin(["", "level"]) & (settings.level == PAPER_LEVEL)]
     calculix, newton = _first(same, engine="calculix"), _first(same, engine="newton")
     if calculix is None or newton is None:
-        return NOT_MEASURED
+        return [NOT_MEASURED]
     return _with_scatter([f"newton against CalculiX: {_compared(dataset, newton, calculix)}"], rows, "reference", "finest")
 
 
@@ -379,17 +398,17 @@ def _engines(dataset: xr.Dataset, rows: pd.DataFrame) -> str:
 # words
 
 
-def _with_scatter(lines: list[str], rows: pd.DataFrame, part: str = "scatter", mesh: str = "default") -> str:
+def _with_scatter(lines: list[str], rows: pd.DataFrame, part: str = "scatter", mesh: str = "default") -> list[str]:
     scatter = scatter_row(rows, part)
     if not lines:
-        return NOT_MEASURED
+        return [NOT_MEASURED]
     if scatter is not None:
         lines = [
             *lines,
-            f"paths alone make {percent(scatter.error_volumes)} in volumes and {percent(scatter.error_stress)} in stress on "
-            f"the {mesh} mesh",
+            f"The scatter of paths alone on the {mesh} mesh is {percent(scatter.error_volumes)} in volumes and "
+            f"{percent(scatter.error_stress)} in stress",
         ]
-    return "; ".join(lines)
+    return lines
 
 
 def _first(rows: pd.DataFrame, **wanted: str) -> pd.Series | None:

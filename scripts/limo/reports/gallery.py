@@ -244,13 +244,13 @@ def _page(loaded: Loaded, gallery: Path) -> str:
     further = "Sets beside this one: " + ", ".join(f"[{name}]({name}/{PAGE})" for name in sets) + "."
     surfaces = [name for name in names if set(loaded.studies[name].figures) & set(SHAPES)]
     bare = any(not (gallery / "data" / f"{name}_shapes.nc").exists() for name in surfaces)
-    unkept = "Surfaces are not among these data: figures of them were drawn when the set was made."
+    unkept = "Surfaces are not among these data. Their figures were drawn when the set was made."
     return "\n\n".join(
         [
             "# Gallery",
             "Written by `limo gallery`; do not edit. Datasets are in `data/`; `limo gallery --redraw` draws every figure from "
             "them, without a solver. A case that several studies share was solved once and counts in each. The last column is a "
-            "hash of the resolved configuration that each dataset holds as its attribute `config`.",
+            "hash of the resolved configuration, which each dataset holds as its attribute `config`.",
             *([further] * bool(sets)),
             *([unkept] * bare),
             markdown_table(pd.DataFrame(rows)),
@@ -272,8 +272,8 @@ def _band(dataset: xr.Dataset) -> list[str]:
     cases = int(apart.notnull().any("actuation_pressure").sum())
     share = float(at_end(apart / high).max())
     return [
-        f"Band ({cases} of {low.size // low.sizes['actuation_pressure']} cases): the solutions of one case are at most "
-        f"{float(apart.max()):.1f} ml of stroke apart at any P_a, and {100 * share:.1f} % at the highest."
+        f"Band ({cases} of {low.size // low.sizes['actuation_pressure']} cases): the strokes of one case differ by at most "
+        f"{float(apart.max()):.1f} ml at any P_a. At the highest P_a they differ by at most {100 * share:.1f} %."
     ]
 
 

@@ -254,12 +254,10 @@ def _hardly_changes(d: xr.Dataset) -> tuple[str, str]:
     curves = d.stroke_volume.squeeze(drop=True)
     first = curves.isel(variant=0)
     apart = {str(v): _distance(curves.sel(variant=v), first) for v in curves.variant.values[1:]}
-    text = ", ".join(
-        f"{name}: " + (f"{value:.1%}" if value else "not tested, the same solution") for name, value in apart.items()
-    )
+    text = ", ".join(f"{name} {value:.1%}" if value else f"{name} not tested (same solution)" for name, value in apart.items())
     verdict = graded(max(apart.values()), 0.0, 0.05, 0.05)
     untested = verdict == "reproduced" and 0.0 in apart.values()  # equilibria know no rate: the engine solves one case for both
-    return f"stroke apart from {curves.variant.values[0]} by {text}", "partly" if untested else verdict
+    return f"stroke differs from {curves.variant.values[0]} by: {text}", "partly" if untested else verdict
 
 
 def _distance(curve: xr.DataArray, other: xr.DataArray) -> float:
@@ -274,21 +272,21 @@ def _rest_volume(d: xr.Dataset) -> tuple[str, str]:
 
 
 _GEOMETRY = "The seams of N_p = 4, 6, 10 and all widths are not public"
-_SCATTER = "On coarse meshes single strokes move by some 10 % from mesh to mesh and between wrinkle states (docs/methods.md)."
+_SCATTER = "On coarse meshes single strokes vary by some 10 % between meshes and between wrinkle states (docs/methods.md)."
 STATEMENTS = (
     Statement("Pressure-volume", "V_a starts to grow when P_a comes near P_v", "P_a near P_v", "afterload", _onset,
               "The epicardium is loaded by P_a alone and bulges before the endocardium gives way."),
     Statement("Pressure-volume", "V_a rises sharply up to some 20 kPa, then gradually", "P_a about 20 kPa at P_v = 3.8",
-              "afterload", _sharp_rise, f"{_GEOMETRY}; wide pouches snap open at once, narrow ones fold open one by one."),
+              "afterload", _sharp_rise, f"{_GEOMETRY}. Wide pouches snap open at once, narrow ones fold open one by one."),
     Statement("Pressure-volume", "less in, more out: the ratio exceeds one for all devices", "> 1", "afterload",
               _ratio_above_one, f"{_GEOMETRY}."),
     Statement("Pressure-volume", "the ratio starts close to one", "about 1", "afterload", _ratio_starts_at_one,
-              "Delta V_a grows faster than the stroke while the endocardium is still pushed outwards; below 2 ml the paper's "
+              "Delta V_a grows faster than the stroke while the endocardium is still pushed outwards. Below 2 ml the paper's "
               "figures cannot be read."),
     Statement("Pressure-volume", "fewer pouches, more stroke", "falls with N_p", "afterload",
               _falls_with_pouches("stroke_volume"), f"{_GEOMETRY}. {_SCATTER}"),
     Statement("Afterload", "fewer pouches, higher ratio", "falls with N_p", "afterload", _falls_with_pouches("io_ratio"),
-              f"{_GEOMETRY}: the layout of the seams decides how much volume goes into the pouches."),
+              f"{_GEOMETRY}. The layout of the seams decides how much volume goes into the pouches."),
     Statement("Afterload", "efficiencies at 90 ml", "43 to 89 %", "afterload", _efficiency_range, f"{_GEOMETRY}. {_SCATTER}"),
     Statement("Afterload", "efficiency rises with P_v", "rises", "afterload", _efficiency_rises, _SCATTER),
     Statement("Afterload", "efficiency falls with N_p", "falls", "afterload", _falls_with_pouches("efficiency_90ml"),
@@ -296,21 +294,21 @@ STATEMENTS = (
     Statement("Buckling", "N_p = 6 jumps at P_v = 3.8 kPa", "about 30 kPa", "buckling", _jump,
               "Where a fold snaps depends on the wrinkle state and on the mesh."),
     Statement("Stress", "stress concentrates on seams and in buckled regions", "qualitative", "stress", _concentrated,
-              "The zones of this row are seams and edges alone; folds away from them count against it."),
+              "The zones of this row are only seams and edges. Folds elsewhere count against it."),
     Statement("Stress", "fewer pouches, up to 50 % more peak stress", "+50 %", "stress", _more_with_fewer,
-              f"{_GEOMETRY}; contact, which would stop N_p = 4, is not modelled."),
+              f"{_GEOMETRY}. The model has no contact, which would stop N_p = 4."),
     Statement("Stress", "peak stress depends weakly on P_v", "weak", "stress", _weakly_with_pressure,
-              "P_a,max rises with P_v as in the paper; coarse meshes smooth the folds that make the peaks."),
+              "P_a,max rises with P_v as in the paper. Coarse meshes smooth the folds that cause the peaks."),
     Statement("Strain", "outside, the largest strain runs around the device", "predominantly", "strain_paths", _outside_around,
               "Wrinkles of the outer wall turn it locally."),
     Statement("Strain", "inside, it runs about at right angles to that", "about 90 degrees", "strain_paths", _orthogonal,
-              "The angle is largest on pouches beside the axis; on the outermost both run around the device."),
+              "The angle is largest on pouches beside the axis. On the outermost pouches both run around the device."),
     Statement("Strain", "at seams the directions of both surfaces align", "aligned", "strain_paths", _aligned,
               "Near a seam the directions turn within an element or two."),
     Statement("Valve support", "efficiency over AR", "59.3 to 66.8 %", "valve_support", _valve_range, f"{_GEOMETRY}."),
     Statement("Valve support", "efficiency is largest at AR = 2.5", "2.5", "valve_support",
               _largest_at("efficiency_90ml", "aspect_ratio", 2.5, (2.0, 3.0)),
-              "The differences are little larger than those between solutions of one design."),
+              "The differences are hardly larger than those between solutions of one design."),
     Statement("Valve support", "AR hardly changes the stroke", "little", "valve_support", _stroke_over_valves,
               _SCATTER),
     Statement("Valve support", "smaller AR, less peak stress than at AR = 3", "-8 %", "valve_support", _stress_over_valves,
@@ -321,15 +319,15 @@ STATEMENTS = (
               _SCATTER),
     Statement("Compliance", "the largest stroke is that of E_hat = 0.75", "0.75", "compliance",
               _largest_at("stroke_volume", "stiffness_ratio", 0.75, (0.5, 1.0)),
-              "The softest has the largest here; without contact nothing stops it."),
+              "The softest design has the largest value here. Without contact nothing stops it."),
     Statement("Compliance", "the largest efficiency is that of E_hat = 0.75", "0.75", "compliance",
               _largest_at("efficiency_90ml", "stiffness_ratio", 0.75, (0.5, 1.0)),
-              "The softest has the largest here; without contact nothing stops it."),
+              "The softest design has the largest value here. Without contact nothing stops it."),
     Statement("Initial conditions", "symmetry and loading rate hardly change the curves", "very weakly", "symmetry",
-              _hardly_changes, "Halves of a device may fold differently and end in another wrinkle state; equilibria know no "
-              "rate, with which newton has nothing to vary."),
+              _hardly_changes, "Halves of a device may fold differently and end in another wrinkle state. Newton computes "
+              "equilibria, which do not depend on the rate."),
     Statement("Geometry", "the device holds 300 ml", "300 ml", "afterload", _rest_volume,
-              "The calibration keeps 90 ml of stroke for every device instead, which takes wider pouches (docs/methods.md)."),
+              "The calibration keeps a stroke of 90 ml for every device instead, which needs wider pouches (docs/methods.md)."),
 )  # fmt: skip
 
 
@@ -415,16 +413,16 @@ def _page(rows: pd.DataFrame, data: Path, table: Path, beside: Path | None) -> s
     counts, also = rows.verdict.value_counts(), f" --beside {beside}" if beside else ""
     said = (
         f"Generated by `limo paper-check --data {data}{also}`; do not edit. The same table is in `{table.name}`. A "
-        "statement about many cases is `reproduced` where it holds for all, `partly` where for at least half; one about a number "
-        "has two bands, which `scripts/limo/reports/paper_check.py` states. Nothing is tuned to turn a row green but the "
-        "documented calibration of the geometry."
+        "statement about many cases is `reproduced` if it holds for all of them, and `partly` if it holds for at least half. A "
+        "statement about a number has two bands, which `scripts/limo/reports/paper_check.py` states. Nothing is tuned to turn a "
+        "row green, except the documented calibration of the geometry."
     )
     if "branches" in rows:
         said += (
-            " Numbers and verdicts are those of the flat state as it is; `branches` counts the solutions of slightly perturbed "
-            "ones that have the same verdict."
+            " Numbers and verdicts are those of the exact flat state. `branches` counts the solutions with the same verdict, "
+            "including those of slightly perturbed flat states."
         )
     if beside:
-        said += f" The column `{beside}` is what the datasets there have to say."
+        said += f" The column `{beside}` has the results of the datasets there."
     counted_verdicts = ", ".join(f"{counts.get(v, 0)} {v}" for v in VERDICTS) + "."
     return "\n\n".join(["# The paper's statements", said, counted_verdicts, markdown_table(rows)]) + "\n"

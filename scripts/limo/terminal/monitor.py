@@ -37,7 +37,7 @@ def failed(statuses: Sequence[CaseStatus]) -> bool:
 
 
 def table(sweep: Sweep, statuses: Sequence[CaseStatus], height: int | None = None) -> Table:
-    """One line a case and the totals below. Of more than ``height`` cases those that nothing is to be seen of are left out."""
+    """One line per case and the totals below. If more than ``height`` cases exist, waiting and finished ones are hidden first."""
     shown = list(statuses) if height is None else _most_telling(statuses, height)
     names = short_names(s.case for s in statuses)
     made = Table(box=None, pad_edge=False, caption=_totals(sweep, statuses, len(statuses) - len(shown)), caption_justify="left")

@@ -292,8 +292,8 @@ def test_shells_are_compared_with_the_bricks_that_calculix_makes_of_them(dataset
     text = airbag_report(pd.concat([rows, bricks]), {"cap": flat_airbag(references=PUBLISHED)}, {})
     said = "CalculiX makes C3D20R of S8R. The same bricks written out and solved by newton end within 10.0% of its height"
     assert f"{said} (median of 2 meshes, at most 20.0%)" in text
-    assert "at n = 4 at 40.0 mm" in text
-    assert "Here S3 does not: on its finest mesh (n = 3) it is +0.0% off; S4R fails on all of 1 meshes." in text
+    assert "At n = 4 they end at 40.0 mm." in text
+    assert "Here S3 does not: on its finest mesh (n = 3) it is +0.0% off. S4R fails on all of 1 meshes." in text
     high = bricks.assign(height=[50.0, 44.0])
     text = airbag_report(pd.concat([rows, high]), {"cap": flat_airbag(references=PUBLISHED)}, {})
     assert "S3 locks or fails: on its finest mesh (n = 3) it is -9.1% off" in text

@@ -147,7 +147,7 @@ def test_the_page_says_how_far_apart_the_solutions_of_a_case_are(root):
     (sentence,) = gallery._band(xr.concat([curves, second], "branch"))
     largest = max(7.0, 0.05 * float(curves.stroke_volume.sel(at | {"actuation_pressure": 60.0})))
     assert sentence.startswith("Band (9 of 12 cases):"), "what failed has no band"
-    assert f"{largest:.1f} ml of stroke apart at any P_a, and 5.0 % at the highest" in sentence
+    assert f"{largest:.1f} ml at any P_a. At the highest P_a they differ by at most 5.0 %." in sentence
 
 
 @pytest.mark.parametrize(("part", "cases"), [("", 21), ("standard", 42)])

@@ -40,8 +40,8 @@ _POLL = 0.5  # s between looks at a running solver
 OUTSIDE = frozenset({signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGQUIT, signal.SIGXCPU})
 #: what CalculiX's u_calloc, the loader of its libraries, the Fortran library and PARDISO say
 NO_MEMORY = re.compile(r"error allocating memory|failed to map segment|[Cc]annot allocate memory|PARDISO[^\n]*-2\b")
-#: a run crawls when this many accepted increments in a row get through less than this share of its time: the rest would take
-#: millions. Of runs that arrive, the literal set-up among them, none took so many for less than 7e-3
+#: a run is stopped when this many consecutive increments advance it by less than this share of its total time: the rest would
+#: take millions. In runs that finish, the literal set-up among them, so many increments always advanced it by at least 7e-3
 CRAWLING, CRAWLED = 300, 1e-4
 _LOOK_AT_STA = 5.0  # s between looks at how far a solver's clock is
 _STA_LINE = 70  # bytes
