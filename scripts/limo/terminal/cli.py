@@ -149,6 +149,10 @@ def make_parser() -> argparse.ArgumentParser:
         _results(recorded)
         timed = doing.add_parser("overhead", help="time a sweep with nothing to do, and the planning of a thousand cases")
         _config(timed)
+        compared = doing.add_parser("beside", help="compare imports, planning and help with another checkout; both are set up")
+        compared.add_argument("other", type=Path, metavar="CHECKOUT", help="folder of the other checkout")
+        compared.add_argument("--tests", action="store_true", help="time `make test` in both instead, once")
+        compared.add_argument("--entry", type=Path, default=Path("docs/data/entry.csv"), help="its table (default: %(default)s)")
         printed = doing.add_parser("report", help="print the report")
         for part in (recorded, printed):
             part.add_argument(
@@ -352,6 +356,7 @@ def _benchmark(chosen: argparse.Namespace) -> None:
 
 
 def _performance(chosen: argparse.Namespace) -> None:
+    from limo.reports.entry import compare, compare_tests, entry_table, keep
     from limo.reports.overhead import read_overhead, record_overhead
     from limo.reports.performance import read_measurements, record_batch, report
 
@@ -359,6 +364,10 @@ def _performance(chosen: argparse.Namespace) -> None:
         print(record_batch(chosen.config, chosen.batch, chosen.studies, chosen.results, chosen.table))
     elif chosen.doing == "overhead":
         print(record_overhead(Path(chosen.config), chosen.overhead))
+    elif chosen.doing == "beside":
+        rows = (compare_tests if chosen.tests else compare)(Path.cwd(), chosen.other.resolve())
+        keep(rows, chosen.entry)
+        print(entry_table(rows))
     else:
         print(report(read_measurements(chosen.table), read_overhead(chosen.overhead)), end="")
 
