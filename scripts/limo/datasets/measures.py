@@ -10,7 +10,7 @@ import xarray as xr
 
 from limo.cases.case import Case
 from limo.config.project import Loaded
-from limo.measure.quantities import _LABELS, FRAME, MEASURES, Measure
+from limo.measure.quantities import LABELS, FRAME, MEASURES, Measure
 from limo.store.files import UNREADABLE
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -34,7 +34,7 @@ def gather_measures(
     labels = [f if isinstance(f, str) else f"{f:g}" for f in (*study.frames, *study.fields_at)]
     entries = dict(zip(labels, (*study.frames, *study.fields_at), strict=True))
     shape, dims = tuple(len(v) for v in coords.values()), tuple(coords)
-    sizes = {"frame": len(entries)} | {d: len(v) for d, (_, v, _) in _LABELS.items()}
+    sizes = {"frame": len(entries)} | {d: len(v) for d, (_, v, _) in LABELS.items()}
     chosen = {n: m for n, m in MEASURES.items() if not m.output or m.output in study.measures}
     data = {
         n: np.full(shape + tuple(sizes[d] for d in m.per), np.nan if m.units else "", float if m.units else object)
@@ -62,7 +62,7 @@ def gather_measures(
         described[n] = ((*dims, *m.per), data[n] if m.units else data[n].astype(str), attributes)
     described["measure_status"] = (dims, status.astype(str), {"long_name": "whether a case could be measured"})
     described["measure_reason"] = (dims, reason.astype(str), {"long_name": "why a case could not be measured"})
-    labels_used = {d: v for d, v in _LABELS.items() if any(d in m.per for m in chosen.values())}
+    labels_used = {d: v for d, v in LABELS.items() if any(d in m.per for m in chosen.values())}
     dataset = xr.Dataset(described, coords=coords | labels_used | {"frame": list(entries)})
     dataset.frame.attrs["long_name"] = FRAME
     if "fatigue" in study.measures:

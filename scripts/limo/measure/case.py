@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import logging
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ from limo.measure.buckling import MOST_EVENTS, displacement_difference, events, 
 from limo.measure.contact import endo_through_epi, first_contact, front_through_back
 from limo.measure.fatigue import ENDURANCE, FLAGS, cycles_to_failure, largest_amplitude
 from limo.measure.frames import CaseFrames, open_case
-from limo.measure.quantities import _LABELS, MEASURES
+from limo.measure.quantities import LABELS, MEASURES
 from limo.measure.ramp import read_ramp
 from limo.measure.strain import DEVICE_SIDES, area_of_side, directions, inplane_angle, membrane_principal, side_values
 from limo.measure.stress import area_quantile, summarise, top_average
@@ -30,6 +31,7 @@ from limo.mechanics.constitutive import principal
 from limo.mechanics.equilibrium import residual
 from limo.mechanics.layer import SIDES, flat_areas, flat_points, inside_out, layer_state, surface_points
 from limo.mechanics.model import Model
+from limo.mesh.layers import DeviceMesh
 from limo.schema.fatigue import Fatigue
 from limo.store.files import write_netcdf
 
@@ -55,61 +57,94 @@ def measure_case(case: Case, wanted: Wanted, fatigue: Fatigue, mesh_file: Path, 
     return measured
 
 
+@dataclass(frozen=True)
+class _Places:
+    """Where the points of a case lie on the flat device: zone index, flat distances (mm) by kind of line, areas (mm2).
+
+    All are (n_elements, n_points); ``near_seam`` says where the fatigue estimate is valid.
+    """
+
+    zone: np.ndarray
+    distance: dict[str, np.ndarray]
+    area: np.ndarray
+    near_seam: np.ndarray
+
+    @classmethod
+    def of_mesh(cls, mesh: DeviceMesh, seam_distance: float) -> _Places:
+        """``seam_distance`` in mm."""
+        distance = distances(mesh, flat_points(mesh))
+        near_seam = np.minimum(distance["seam"], distance["outer_edge"]) <= seam_distance
+        return cls(zone_of(mesh, distance, seam_distance), distance, flat_areas(mesh), near_seam)
+
+
 def _measure(model: Model, frames: CaseFrames, wanted: Wanted, fatigue: Fatigue, folder: Path) -> xr.Dataset:
-    mesh, asked = model.mesh, sorted({p for pressures in wanted.pressures.values() for p in pressures})
-    near = fatigue.seam_distance.value
-    away = distances(mesh, flat_points(mesh))
-    zone = zone_of(mesh, away, near)
-    near_seam = np.minimum(away["seam"], away["outer_edge"]) <= near
-    outputs = wanted.outputs
-    areas = flat_areas(mesh)
-    sizes = {"frame": len(asked)} | {d: len(v) for d, (_, v, _) in _LABELS.items()}
-    data = {
-        n: (m.per, np.full([sizes[d] for d in m.per], np.nan if m.units else "", object))
-        for n, m in MEASURES.items()
-        if not m.output or m.output in outputs
-    }
-    values = {n: v for n, (_, v) in data.items()}
-    if "stress" in outputs:
-        values["zone_share"][:] = np.bincount(zone.ravel(), areas.ravel(), minlength=len(ZONES)) / areas.sum()
+    asked = sorted({p for pressures in wanted.pressures.values() for p in pressures})
+    places = _Places.of_mesh(model.mesh, fatigue.seam_distance.value)
+    values = _empty_values(len(asked), wanted.outputs)
+    if "stress" in wanted.outputs:
+        weights = np.bincount(places.zone.ravel(), places.area.ravel(), minlength=len(ZONES))
+        values["zone_share"][:] = weights / places.area.sum()
     maps: dict[str, dict[float, np.ndarray]] = {"von_mises": {}, "principal_strain": {}, "strain_angle": {}}
-    membrane = []
-    for k, pressure in enumerate(asked):
-        at = frames.find(pressure)
-        if at is None:
-            continue
-        values["frame_pressure"][k] = frames.pressure[at]
-        source = f"{frames.file}, frame at {frames.pressure[at]:g} kPa"
-        u = frames.displacement[at].astype(float)
-        state = layer_state(model, u, surface_points(), source)
-        if pressure in wanted.pressures.get("stress", ()):
-            stress = inside_out(mesh, state.von_mises)
-            _stress(values, k, model, stress, zone)
-            _equilibrium(values, k, model, frames, at, source)
-            if pressure in wanted.pressures.get("fields", ()) and "stress" in wanted.drawn:
-                maps["von_mises"][pressure] = stress
-        strain = inside_out(mesh, state.strain)
-        if pressure in wanted.pressures.get("strain", ()):
-            _strain(values, k, mesh, strain, near_seam)
-            if pressure in wanted.pressures.get("fields", ()) and "strain" in wanted.drawn:
-                maps["principal_strain"][pressure], maps["strain_angle"][pressure] = _strain_maps(strain)
-        if pressure in wanted.pressures.get("fatigue", ()):
-            membrane.append(membrane_principal(strain[:, 1]))
+    membrane = [_measure_frame(values, maps, model, frames, wanted, places, k, pressure) for k, pressure in enumerate(asked)]
     dataset = {}
-    if "fatigue" in outputs:
-        if not membrane:
+    if "fatigue" in wanted.outputs:
+        strained = [strain for strain in membrane if strain is not None]
+        if not strained:
             raise ResultError(f"{frames.file}: none of the frames that fatigue asks for")
-        dataset |= _fatigue(values, mesh, largest_amplitude(np.array(membrane)), near_seam, fatigue)
+        dataset |= _fatigue(values, model.mesh, largest_amplitude(np.array(strained)), places.near_seam, fatigue)
     _contact(values, model, frames)
     dataset |= _buckling(values, model, frames, folder)
-    dataset |= _as_maps(maps, away, zone, areas, flat_points(mesh))
-    for name, (per, array) in data.items():
-        measure = MEASURES[name]
-        attributes = {"long_name": measure.long_name} | ({"units": measure.units} if measure.units else {})
-        dataset[name] = (per, array.astype(float if measure.units else str), attributes)
-    coordinates = {d: v for d, v in _LABELS.items() if any(d in per for per, _ in data.values())}
+    dataset |= _as_maps(maps, places.distance, places.zone, places.area, flat_points(model.mesh))
+    dataset |= _described(values)
+    coordinates = {d: v for d, v in LABELS.items() if any(d in MEASURES[name].per for name in values)}
     frame = ("frame", asked, {"units": "kPa", "long_name": "pressure asked for"})
     return xr.Dataset(dataset, coords=coordinates | {"requested_pressure": frame})
+
+
+def _empty_values(n_frames: int, outputs: tuple[str, ...]) -> dict[str, np.ndarray]:
+    """An array without results for every quantity of the outputs: NaN, or empty texts."""
+    sizes = {"frame": n_frames} | {d: len(v) for d, (_, v, _) in LABELS.items()}
+    return {
+        name: np.full([sizes[d] for d in measure.per], np.nan if measure.units else "", object)
+        for name, measure in MEASURES.items()
+        if not measure.output or measure.output in outputs
+    }
+
+
+def _described(values: dict[str, np.ndarray]) -> dict[str, tuple]:
+    """Variables of a dataset: dimensions, values of one type, units and long name."""
+    described = {}
+    for name, array in values.items():
+        measure = MEASURES[name]
+        attributes = {"long_name": measure.long_name} | ({"units": measure.units} if measure.units else {})
+        described[name] = (measure.per, array.astype(float if measure.units else str), attributes)
+    return described
+
+
+def _measure_frame(
+    values: dict, maps: dict, model: Model, frames: CaseFrames, wanted: Wanted, places: _Places, k: int, pressure: float
+) -> np.ndarray | None:
+    """Fill in what is wanted of the ``k``-th pressure (kPa); returns membrane strains where fatigue wants them."""
+    index = frames.find(pressure)
+    if index is None:
+        return None
+    mesh = model.mesh
+    values["frame_pressure"][k] = frames.pressure[index]
+    source = f"{frames.file}, frame at {frames.pressure[index]:g} kPa"
+    state = layer_state(model, frames.displacement[index].astype(float), surface_points(), source)
+    is_drawn = pressure in wanted.pressures.get("fields", ())
+    if pressure in wanted.pressures.get("stress", ()):
+        stress = inside_out(mesh, state.von_mises)
+        _stress(values, k, model, stress, places.zone)
+        _equilibrium(values, k, model, frames, index, source)
+        if is_drawn and "stress" in wanted.drawn:
+            maps["von_mises"][pressure] = stress
+    strain = inside_out(mesh, state.strain)
+    if pressure in wanted.pressures.get("strain", ()):
+        _strain(values, k, mesh, strain, places.near_seam)
+        if is_drawn and "strain" in wanted.drawn:
+            maps["principal_strain"][pressure], maps["strain_angle"][pressure] = _strain_maps(strain)
+    return membrane_principal(strain[:, 1]) if pressure in wanted.pressures.get("fatigue", ()) else None
 
 
 def _stress(values: dict, k: int, model: Model, stress: np.ndarray, zone: np.ndarray) -> None:
@@ -121,11 +156,11 @@ def _stress(values: dict, k: int, model: Model, stress: np.ndarray, zone: np.nda
     values["von_mises_max_zone"][k], values["von_mises_max_surface"][k] = found.zone, found.surface
 
 
-def _equilibrium(values: dict, k: int, model: Model, frames: CaseFrames, at: int, source: str) -> None:
-    known = frames.motion is not None and np.isfinite(frames.motion[at]).all()
-    motion = frames.motion[at].astype(float) if known else None
-    stored = frames.displacement[at]
-    found = residual(model, stored.astype(float), frames.pressure[at], motion, frames.damping, source, stored.dtype)
+def _equilibrium(values: dict, k: int, model: Model, frames: CaseFrames, index: int, source: str) -> None:
+    known = frames.motion is not None and np.isfinite(frames.motion[index]).all()
+    motion = frames.motion[index].astype(float) if known else None
+    stored = frames.displacement[index]
+    found = residual(model, stored.astype(float), frames.pressure[index], motion, frames.damping, source, stored.dtype)
     values["residual"][k], values["residual_floor"][k] = found.resultant, found.resultant_floor
     values["residual_full"][k], values["residual_full_floor"][k] = found.full, found.floor
     values["viscous_share"][k] = found.viscous

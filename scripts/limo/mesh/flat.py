@@ -1,7 +1,7 @@
-"""From a flat pattern to the layered, sealed device as second-order quadrilaterals.
+"""From a flat pattern to second-order quadrilaterals of the right half of one face, by gmsh.
 
-gmsh meshes the right half of one face; mirroring, stacking the layers and sealing them are exact copies of its nodes,
-so that the mesh is as symmetric as the device and the same input gives the same bytes.
+Mirroring, stacking the layers and sealing them copy its nodes exactly (``layers``). So the mesh is as symmetric as the device,
+and the same input gives the same bytes.
 """
 
 from __future__ import annotations
@@ -71,7 +71,19 @@ def mesh_pattern(pattern: FlatPattern, size: float, grading: float, strategy: tu
 
 
 def _run_gmsh(model, pattern: FlatPattern, size: float, grading: float) -> FlatMesh:
-    geo = model.geo
+    """Curves and regions, sizes, quadrilaterals, and the mesh read back; ``model`` is gmsh's."""
+    curves = _add_curves(model.geo, pattern)
+    surfaces = [model.geo.addPlaneSurface([model.geo.addCurveLoop([d * curves[i] for i, d in r.loop])]) for r in pattern.regions]
+    model.geo.synchronize()
+    _set_sizes(model, pattern, curves, size, grading * size)
+    model.mesh.generate(2)
+    model.mesh.optimize("Laplace2D", niter=5)
+    model.mesh.setOrder(2)
+    return _read_back(model.mesh, pattern, curves, surfaces)
+
+
+def _add_curves(geo, pattern: FlatPattern) -> list[int]:
+    """gmsh's tags of the curves of a pattern, in its order; curves that meet share a point."""
     points: dict[tuple[float, float], int] = {}
 
     def point(xy: np.ndarray) -> int:
@@ -80,69 +92,60 @@ def _run_gmsh(model, pattern: FlatPattern, size: float, grading: float) -> FlatM
             points[key] = geo.addPoint(*key, 0.0)
         return points[key]
 
-    edge_size = grading * size
     tags = []
     for curve in pattern.curves:
         ends = [point(curve.points[0]), point(curve.points[-1])]
         inner = [geo.addPoint(*xy, 0.0) for xy in curve.points[1:-1]]
-        straight = (
-            len(
-                np.unique(
-                    np.round(np.diff(curve.points, axis=0) / np.linalg.norm(np.diff(curve.points, axis=0), axis=1)[:, None], 9),
-                    axis=0,
-                )
-            )
-            == 1
-        )
-        tags.append(geo.addLine(*ends) if straight else geo.addSpline([ends[0], *inner, ends[1]]))
-    surfaces = []
-    for region in pattern.regions:
-        loop = geo.addCurveLoop([d * tags[i] for i, d in region.loop])
-        surfaces.append(geo.addPlaneSurface([loop]))
-    geo.synchronize()
-    for tag, curve in zip(tags, pattern.curves, strict=True):
+        tags.append(geo.addLine(*ends) if _is_straight(curve.points) else geo.addSpline([ends[0], *inner, ends[1]]))
+    return tags
+
+
+def _is_straight(points: np.ndarray) -> bool:
+    """Whether all pieces of a polyline (n, 2) have one direction."""
+    steps = np.diff(points, axis=0)
+    return len(np.unique(np.round(steps / np.linalg.norm(steps, axis=1)[:, None], 9), axis=0)) == 1
+
+
+def _set_sizes(model, pattern: FlatPattern, curves: list[int], size: float, edge_size: float) -> None:
+    """Divisions of every curve, and sizes that grow from ``edge_size`` on seams and edges to ``size`` away from them (mm).
+
+    Lengths are doubled, because every element is split afterwards.
+    """
+    for tag, curve in zip(curves, pattern.curves, strict=True):
         target = size if curve.kind == "axis" else edge_size
-        divisions = max(1, round(curve.length / (2 * target)))
-        model.mesh.setTransfiniteCurve(tag, divisions + 1)
-    fine = [t for t, c in zip(tags, pattern.curves, strict=True) if c.kind != "axis"]
+        model.mesh.setTransfiniteCurve(tag, max(1, round(curve.length / (2 * target))) + 1)
+    fine = [tag for tag, curve in zip(curves, pattern.curves, strict=True) if curve.kind != "axis"]
     field = model.mesh.field
     distance, threshold = field.add("Distance"), field.add("Threshold")
     field.setNumbers(distance, "CurvesList", fine)
     field.setNumber(distance, "Sampling", 200)
-    for key, value in {
-        "InField": distance,
-        "SizeMin": 2 * edge_size,
-        "SizeMax": 2 * size,
-        "DistMin": edge_size,
-        "DistMax": 4 * size,
-    }.items():
+    sizes = {"SizeMin": 2 * edge_size, "SizeMax": 2 * size, "DistMin": edge_size, "DistMax": 4 * size}
+    for key, value in {"InField": distance, **sizes}.items():
         field.setNumber(threshold, key, value)
     field.setAsBackgroundMesh(threshold)
-    model.mesh.generate(2)
-    model.mesh.optimize("Laplace2D", niter=5)
-    model.mesh.setOrder(2)
 
-    node_tags, xyz, _ = model.mesh.getNodes()
+
+def _read_back(mesh, pattern: FlatPattern, curves: list[int], surfaces: list[int]) -> FlatMesh:
+    """The mesh from gmsh's nodes and elements. Raises ``MeshError`` for elements other than quadrilaterals."""
+    node_tags, xyz, _ = mesh.getNodes()
     order = np.argsort(node_tags)
     node_tags, xyz = node_tags[order], xyz.reshape(-1, 3)[order]
-    quads, region = [], []
-    for k, surface in enumerate(surfaces):
-        types, _, connectivity = model.mesh.getElements(2, surface)
+    parts = []
+    for surface, region in zip(surfaces, pattern.regions, strict=True):
+        types, _, connectivity = mesh.getElements(2, surface)
         if list(types) != [16]:
-            raise MeshError(f"gmsh left elements other than quadrilaterals in {pattern.regions[k].name} (types {list(types)})")
-        quads.append(np.searchsorted(node_tags, connectivity[0].reshape(-1, 8)))
-        region.append(np.full(len(quads[-1]), k))
-    quads, region = np.vstack(quads), np.concatenate(region)
+            raise MeshError(f"gmsh left elements other than quadrilaterals in {region.name} (types {list(types)})")
+        parts.append(np.searchsorted(node_tags, connectivity[0].reshape(-1, 8)))
+    quads, region = np.vstack(parts), np.repeat(np.arange(len(parts)), [len(part) for part in parts])
 
-    def on(kind: str) -> np.ndarray:
+    def lies_on(kind: str) -> np.ndarray:
         mask = np.zeros(len(node_tags), bool)
-        for tag, curve in zip(tags, pattern.curves, strict=True):
+        for tag, curve in zip(curves, pattern.curves, strict=True):
             if curve.kind == kind:
-                found, _, _ = model.mesh.getNodes(1, tag, includeBoundary=True)
-                mask[np.searchsorted(node_tags, found)] = True
+                mask[np.searchsorted(node_tags, mesh.getNodes(1, tag, includeBoundary=True)[0])] = True
         return mask
 
-    valve, outer, seam = on("valve"), on("outer"), on("seam")
+    valve, outer, seam = lies_on("valve"), lies_on("outer"), lies_on("seam")
     axis = np.abs(xyz[:, 0]) < 1e-9 * pattern.length
     used, inverse = np.unique(quads, return_inverse=True)
     nodes = xyz[used, :2].copy()
