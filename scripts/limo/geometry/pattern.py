@@ -106,8 +106,8 @@ def _split(line: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def seam_fractions(pattern: Pattern, n_pouches: int) -> tuple[float, ...]:
     """Positions of the seams with x >= 0 as multiples of the device's reference seam.
 
-    As listed by the pattern; otherwise evenly counted seams u = 2 k / n_face (k from the axis) are placed at
-    1 - (1 - u)^p of the half width, which narrows the outer pouches as on the recovered pattern.
+    As listed by the pattern. Otherwise evenly counted seams u = 2 k / n_face (k from the axis) lie at 1 - (1 - u)^p of the
+    half width. This narrows the outer pouches as on the recovered pattern.
     """
     if n_pouches in pattern.seams.fractions:
         return tuple(pattern.seams.fractions[n_pouches])

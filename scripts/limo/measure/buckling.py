@@ -35,8 +35,8 @@ def events(
     A smooth curve changes by slope times increment, however small the increment; a jump changes by the same volume however
     small the increment. So the slope of every increment is compared with the usual one around it: the median over a fine
     grid of pressure, ``window`` kPa wide, where a jump occupies next to nothing. Neighbouring increments that are steeper than
-    ``factor`` times the usual slope, and in the same direction, are one event if together they exceed the usual change by
-    ``smallest`` ml; less than ``gap`` kPa of rest does not divide it.
+    ``factor`` times the usual slope, and in the same direction, are one event. Together they must exceed the usual change by
+    ``smallest`` ml. Less than ``gap`` kPa of rest does not divide an event.
     """
     p, v = np.asarray(actuation_pressure, float), np.asarray(stroke_volume, float)
     keep = np.isfinite(p) & np.isfinite(v)

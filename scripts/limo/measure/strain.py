@@ -36,8 +36,8 @@ def side_values(mesh: DeviceMesh, values: np.ndarray, side: str) -> np.ndarray:
 def membrane_principal(strain: np.ndarray) -> np.ndarray:
     """Largest principal strain (...,) within the fabric's plane, of strains (..., 3, 3).
 
-    For an isotropic layer that is free of pressure across, the strain across is never the largest unless both others are
-    negative, and then nothing is stretched.
+    An isotropic layer without pressure across has its largest strain in its plane, unless both strains there are negative. Then
+    nothing is stretched.
     """
     xx, yy, xy = strain[..., 0, 0], strain[..., 1, 1], 0.5 * (strain[..., 0, 1] + strain[..., 1, 0])
     return 0.5 * (xx + yy) + np.hypot(0.5 * (xx - yy), xy)
@@ -136,8 +136,8 @@ def streamlines(
     """Lines along v_1 on a surface of one face.
 
     ``strain`` (m, 3, 4, 3, 3) on inner, middle and outer surfaces; ``points`` (n, 3) deformed positions in mm of the mesh's
-    nodes. Lines start on a grid of ``spacing`` mm, are followed both ways by the midpoint rule in steps of ``step`` mm up to
-    ``longest`` mm, keep every fourth point, and end at the border. The strain, not its direction, is interpolated (linear
+    nodes. Lines start on a grid of ``spacing`` mm. They are followed both ways by the midpoint rule in steps of ``step`` mm, up to
+    ``longest`` mm. They keep every fourth point and end at the border. The strain, not its direction, is interpolated (linear
     on triangles), so that the meaningless sign of v_1 never matters.
     """
     elements = on_side(mesh, side)

@@ -31,8 +31,8 @@ def mesh_to_target(pattern: FlatPattern, degrees_of_freedom: int, grading: float
 
     Where seams lie closer together than elements of that size would, it gets finer than asked for.
 
-    The size follows from the area, then from the counts of three trials; among a fixed list of changes of size and of
-    gmsh's strategies the first mesh is taken whose count and worst element are good enough, else the best of them.
+    The size follows from the area, then from the counts of three trials. A fixed list of changes of size and of gmsh's
+    strategies is tried. The first mesh whose count and worst element are good enough is taken, else the best of them.
     Raises ``MeshError`` when every one of them has a folded element.
     """
 
