@@ -10,7 +10,7 @@ import xarray as xr
 
 from limo.cases.case import Case
 from limo.config.project import Loaded
-from limo.measure.quantities import LABELS, FRAME, MEASURES, Measure
+from limo.measure.quantities import FRAME, LABELS, MEASURES, Measure
 from limo.store.files import UNREADABLE
 
 # --------------------------------------------------------------------------------------------------------------------

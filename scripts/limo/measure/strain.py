@@ -136,8 +136,8 @@ def streamlines(
     """Lines along v_1 on a surface of one face.
 
     ``strain`` (m, 3, 4, 3, 3) on inner, middle and outer surfaces; ``points`` (n, 3) deformed positions in mm of the mesh's
-    nodes. Lines start on a grid of ``spacing`` mm. They are followed both ways by the midpoint rule in steps of ``step`` mm, up to
-    ``longest`` mm. They keep every fourth point and end at the border. The strain, not its direction, is interpolated (linear
+    nodes. Lines start on a grid of ``spacing`` mm. They are followed both ways by the midpoint rule in steps of ``step`` mm, up
+    to ``longest`` mm. They keep every fourth point and end at the border. The strain, not its direction, is interpolated (linear
     on triangles), so that the meaningless sign of v_1 never matters.
     """
     elements = on_side(mesh, side)
