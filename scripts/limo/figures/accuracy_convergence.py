@@ -31,8 +31,8 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
         max(len(names), 1), 3, figsize=(9.0, 2.8 * max(len(names), 1) + 0.7), layout="constrained", squeeze=False
     )
     for device, line in zip(names, axes, strict=False):
-        of = rows[rows.device == device]
-        for index, row in of.iterrows():
+        group = rows[rows.device == device]
+        for index, row in group.iterrows():
             color, marker = colors[row.level], MARKERS[row.engine]
             pressure, height = dataset.frame_pressure.values[index], dataset.frame_height.values[index]
             if row.branch == 0:
@@ -40,7 +40,7 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
             look = {"color": color, "marker": marker, "ls": "", "ms": 5, "mfc": color if row.branch == 0 else "none"}
             line[1].plot(row.degrees_of_freedom / 1000, row.height, **look)
             line[2].plot(row.degrees_of_freedom / 1000, row.error_chamfer, **look)
-        _reference(line[1], of)
+        _reference(line[1], group)
         line[0].set(xlabel="$P_a$ [kPa]", ylabel="Largest $w/L$ [-]")
         line[1].set(ylabel="Largest $w/L$ at $P_{a,max}$ [-]")
         line[2].set(ylabel="Chamfer distance $d_c/L$ [-]")

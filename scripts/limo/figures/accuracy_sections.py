@@ -33,8 +33,8 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
     shown = shown[shown > 0]
     norm = Normalize(*((shown.min(), shown.max()) if shown.size else (0.0, 1.0)))
     for device, line in zip(names, axes, strict=False):
-        of = rows[rows.device == device].sort_values("degrees_of_freedom")
-        for axis, (index, row) in zip(line, of.iterrows(), strict=False):
+        group = rows[rows.device == device].sort_values("degrees_of_freedom")
+        for axis, (index, row) in zip(line, group.iterrows(), strict=False):
             pressure = dataset.frame_pressure.values[int(dataset.section_run[index])]
             _cuts(axis, dataset.sections.values[index], pressure, row.symmetry, norm)
             axis.set_axis_on()

@@ -42,9 +42,9 @@ def pictures_of(case: xr.Dataset, scale: Scale, fatigue: Fatigue, pixels: int = 
     surface = pictures.device(case, case.displacement.values[frame], values)
     length = float(case.device_length)
 
-    def image(found: Facets, camera) -> np.ndarray:
-        found = replace(found, values=cycles_of(*found.values.T, fatigue))
-        return pictures.picture(Scene().add(found, scale=scale), camera, length, pixels)
+    def image(shown_facets: Facets, camera) -> np.ndarray:
+        shown_facets = replace(shown_facets, values=cycles_of(*shown_facets.values.T, fatigue))
+        return pictures.picture(Scene().add(shown_facets, scale=scale), camera, length, pixels)
 
     return image(pictures.flat_facets(surface), pictures.REFERENCE), image(facets(surface), pictures.DEFORMED)
 

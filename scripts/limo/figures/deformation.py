@@ -25,9 +25,9 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None, shapes: xr.Dataset)
     scale = Scale("viridis", 0.0, pictures.rounded_up(_largest(shapes)))
     grid = pictures.Grid(width=1.3, top=0.25 if others else 0.05, block=(lines if others else 0, len(COLUMNS)))
     figure, axes = pictures.picture_figure(down * lines, across * len(COLUMNS), grid)
-    for k, (block, found) in enumerate(zip(blocks, cases, strict=True)):
+    for k, (block, solution) in enumerate(zip(blocks, cases, strict=True)):
         first, left = k // across * lines, k % across * len(COLUMNS)
-        for row, case in zip(axes[first : first + lines, left : left + len(COLUMNS)], found, strict=True):
+        for row, case in zip(axes[first : first + lines, left : left + len(COLUMNS)], solution, strict=True):
             _row(row, case, scale, pictures.empty_reason(dataset, case))
             pictures.row_label(row[0], pictures.names(case, others or ["n_pouches"]))
         if others:

@@ -243,10 +243,10 @@ def study_case(dataset: xr.Dataset, case: xr.Dataset) -> xr.Dataset:
 
 def empty_reason(dataset: xr.Dataset, case: xr.Dataset, otherwise: str = "") -> str:
     """Why a panel is empty: the case's status in the study's dataset, or why it has no shapes."""
-    found = study_case(dataset, case)
-    status = str(found.case_status.values)
+    selected = study_case(dataset, case)
+    status = str(selected.case_status.values)
     if status not in USABLE:
-        return f"{status}: {found.case_reason.values}"
+        return f"{status}: {selected.case_reason.values}"
     return str(case.shape_reason.values) or otherwise
 
 

@@ -81,7 +81,7 @@ def svg(lines: list[Line], title: str) -> str:
     """A drawing at true size, one group a layer (a layer in Inkscape too), with the layers named below."""
     points = np.vstack([line.points for line in lines])
     (left, low), (right, high) = points.min(axis=0) - _MARGIN, points.max(axis=0) + _MARGIN
-    notes = [title, *(f"{name}: {says}" for name, (_, _, says) in LAYERS.items())]
+    notes = [title, *(f"{name}: {meaning}" for name, (_, _, meaning) in LAYERS.items())]
     width, height = right - left, high - low + 1.5 * _TEXT * len(notes)
     parts = [
         '<?xml version="1.0" encoding="UTF-8"?>',

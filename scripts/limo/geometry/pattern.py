@@ -93,10 +93,10 @@ def _chain(curves: list[np.ndarray]) -> np.ndarray:
     return np.vstack([dense[0], *(d[1:] for d in dense[1:])])
 
 
-def _split(line: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _split(line: np.ndarray, point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Cut a polyline at the point nearest to ``at``; both pieces contain the cut."""
     ls = LineString(line)
-    s = ls.project(Point(at))
+    s = ls.project(Point(point))
     stations = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
     cut = np.array(ls.interpolate(s).coords[0])
     head, tail = line[stations < s - SNAP], line[stations > s + SNAP]

@@ -51,7 +51,7 @@ def events(
     floor = 0.1 * np.abs(v[-1] - v[0]) / (p[-1] - p[0])
     steep = np.abs(slope - usual) > (factor - 1) * np.maximum(np.abs(usual), floor)
     direction = np.where(steep, np.sign(slope - usual), 0.0)
-    found, k = [], 0
+    merged, k = [], 0
     while k < len(slope):
         if direction[k] == 0:
             k += 1
@@ -64,23 +64,23 @@ def events(
                 last = following
         jump = float((rise[k : last + 1] - usual[k : last + 1] * (end - start)[k : last + 1]).sum())
         if abs(jump) >= smallest:
-            found.append(Event(float(start[k]), float(end[last]), jump))
+            merged.append(Event(float(start[k]), float(end[last]), jump))
         k = last + 1
-    return found
+    return merged
 
 
-def largest_events(found: list[Event]) -> list[Event]:
+def largest_events(candidates: list[Event]) -> list[Event]:
     """The ``MOST_EVENTS`` with the largest jumps, in the order in which they happen."""
-    return sorted(sorted(found, key=lambda e: -abs(e.jump))[:MOST_EVENTS], key=lambda e: e.before)
+    return sorted(sorted(candidates, key=lambda e: -abs(e.jump))[:MOST_EVENTS], key=lambda e: e.before)
 
 
 def _usual_slope(start: np.ndarray, end: np.ndarray, slope: np.ndarray, window: float) -> np.ndarray:
     """Median slope (n,) over pressure, within half a ``window`` of the middle of each increment."""
     grid = np.linspace(start[0], end[-1], max(int((end[-1] - start[0]) / window * 200), 200))
-    at = slope[np.clip(np.searchsorted(end, grid), 0, len(slope) - 1)]
+    fine_slope = slope[np.clip(np.searchsorted(end, grid), 0, len(slope) - 1)]
     middle = 0.5 * (start + end)
     half = np.maximum(0.5 * window, end - start)
-    return np.array([np.median(at[np.abs(grid - m) <= h]) for m, h in zip(middle, half, strict=True)])
+    return np.array([np.median(fine_slope[np.abs(grid - m) <= h]) for m, h in zip(middle, half, strict=True)])
 
 
 def displacement_difference(before: np.ndarray, after: np.ndarray, length: float) -> np.ndarray:

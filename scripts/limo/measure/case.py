@@ -148,22 +148,22 @@ def _measure_frame(
 
 
 def _stress(values: dict, k: int, model: Model, stress: np.ndarray, zone: np.ndarray) -> None:
-    found = summarise(model, stress, zone)
-    values["von_mises_peak"][k], values["von_mises_peak_middle"][k] = found.top, found.top_middle
-    values["von_mises_max"][k], values["von_mises_p99"][k] = found.largest, found.p99
-    values["von_mises_peak_share"][k] = found.share
-    values["von_mises_max_x"][k], values["von_mises_max_y"][k] = found.x, found.y
-    values["von_mises_max_zone"][k], values["von_mises_max_surface"][k] = found.zone, found.surface
+    summary = summarise(model, stress, zone)
+    values["von_mises_peak"][k], values["von_mises_peak_middle"][k] = summary.top, summary.top_middle
+    values["von_mises_max"][k], values["von_mises_p99"][k] = summary.largest, summary.p99
+    values["von_mises_peak_share"][k] = summary.share
+    values["von_mises_max_x"][k], values["von_mises_max_y"][k] = summary.x, summary.y
+    values["von_mises_max_zone"][k], values["von_mises_max_surface"][k] = summary.zone, summary.surface
 
 
 def _equilibrium(values: dict, k: int, model: Model, frames: CaseFrames, index: int, source: str) -> None:
     known = frames.motion is not None and np.isfinite(frames.motion[index]).all()
     motion = frames.motion[index].astype(float) if known else None
     stored = frames.displacement[index]
-    found = residual(model, stored.astype(float), frames.pressure[index], motion, frames.damping, source, stored.dtype)
-    values["residual"][k], values["residual_floor"][k] = found.resultant, found.resultant_floor
-    values["residual_full"][k], values["residual_full_floor"][k] = found.full, found.floor
-    values["viscous_share"][k] = found.viscous
+    forces = residual(model, stored.astype(float), frames.pressure[index], motion, frames.damping, source, stored.dtype)
+    values["residual"][k], values["residual_floor"][k] = forces.resultant, forces.resultant_floor
+    values["residual_full"][k], values["residual_full_floor"][k] = forces.full, forces.floor
+    values["viscous_share"][k] = forces.viscous
 
 
 def _strain(values: dict, k: int, mesh, strain: np.ndarray, near_seam: np.ndarray) -> None:
@@ -172,10 +172,10 @@ def _strain(values: dict, k: int, mesh, strain: np.ndarray, near_seam: np.ndarra
         values["strain_peak"][k, j] = top_average(largest, areas)
         values["strain_max"][k, j] = largest.max()
         values["strain_p99"][k, j] = area_quantile(largest, areas, 0.99)
-    found = directions(mesh, strain, near_seam)
-    values["direction_around"][k] = [found.around[s] for s in DEVICE_SIDES]
-    values["direction_angle"][k] = [found.angle[s] for s in DEVICE_SIDES]
-    values["direction_between"][k], values["direction_between_at_seams"][k] = found.between, found.between_at_seams
+    alignment = directions(mesh, strain, near_seam)
+    values["direction_around"][k] = [alignment.around[s] for s in DEVICE_SIDES]
+    values["direction_angle"][k] = [alignment.angle[s] for s in DEVICE_SIDES]
+    values["direction_between"][k], values["direction_between_at_seams"][k] = alignment.between, alignment.between_at_seams
 
 
 def _strain_maps(strain: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -216,9 +216,9 @@ def _contact(values: dict, model: Model, frames: CaseFrames) -> None:
 def _buckling(values: dict, model: Model, frames: CaseFrames, folder: Path) -> dict:
     ramp = read_ramp(folder)
     volume = ramp.ventricle_volume.values
-    found = events(ramp.actuation_pressure.values, volume[:1] - volume)
+    all_events = events(ramp.actuation_pressure.values, volume[:1] - volume)
     differences = {}
-    for k, event in enumerate(largest_events(found)):
+    for k, event in enumerate(largest_events(all_events)):
         values["buckling_before"][k], values["buckling_after"][k], values["buckling_jump"][k] = (
             event.before,
             event.after,

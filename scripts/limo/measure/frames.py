@@ -48,7 +48,7 @@ def read_frames(file: Path, n_nodes: int) -> CaseFrames:
     try:
         with xr.open_dataset(file) as data:
             data = data.load()
-        found = CaseFrames(
+        frames = CaseFrames(
             file,
             data.requested_pressure.values.astype(float),
             data.actuation_pressure.values.astype(float),
@@ -60,11 +60,11 @@ def read_frames(file: Path, n_nodes: int) -> CaseFrames:
         )
     except UNREADABLE as error:
         raise ResultError(f"{file}: not the frames of a case ({error})") from None
-    if not len(found.pressure):
+    if not len(frames.pressure):
         raise ResultError(f"{file}: no frames (the case did not reach P_a = 0)")
-    if found.displacement.shape[1] != n_nodes:
-        raise ResultError(f"{file}: {found.displacement.shape[1]} nodes, the mesh has {n_nodes}")
-    return found
+    if frames.displacement.shape[1] != n_nodes:
+        raise ResultError(f"{file}: {frames.displacement.shape[1]} nodes, the mesh has {n_nodes}")
+    return frames
 
 
 def open_case(case: Case, mesh_file: Path, folder: Path) -> tuple[Model, CaseFrames]:

@@ -149,12 +149,12 @@ def streamlines(
     fields = [LinearTriInterpolator(grid, c, finder) for c in (values[:, 0, 0], values[:, 1, 1], values[:, 0, 1])]
     places = [LinearTriInterpolator(grid, points[node, k], finder) for k in range(3)]
 
-    def tensor(at: np.ndarray) -> np.ndarray:
-        xx, yy, xy = (np.ma.filled(f(at[:, 0], at[:, 1]), np.nan) for f in fields)
+    def tensor(points_in_plane: np.ndarray) -> np.ndarray:
+        xx, yy, xy = (np.ma.filled(f(points_in_plane[:, 0], points_in_plane[:, 1]), np.nan) for f in fields)
         return np.stack([np.stack([xx, xy], -1), np.stack([xy, yy], -1)], -2)
 
-    def direction(at: np.ndarray, along: np.ndarray | None) -> np.ndarray:
-        angle = np.radians(inplane_angle(tensor(at)))
+    def direction(points_in_plane: np.ndarray, along: np.ndarray | None) -> np.ndarray:
+        angle = np.radians(inplane_angle(tensor(points_in_plane)))
         vector = np.stack([np.cos(angle), np.sin(angle)], axis=1)
         return vector if along is None else vector * np.where((vector * along).sum(axis=1) < 0, -1.0, 1.0)[:, None]
 
@@ -164,13 +164,13 @@ def streamlines(
     seeds = seeds[finder(*seeds.T) >= 0]
     halves = []
     for sign in (1.0, -1.0):
-        at, along = seeds.copy(), sign * direction(seeds, None)
-        path = [at]
+        points_in_plane, along = seeds.copy(), sign * direction(seeds, None)
+        path = [points_in_plane]
         for _ in range(int(longest / 2 / step)):
-            middle = direction(at + 0.5 * step * along, along)
-            at = at + step * middle
-            along = direction(at, middle)
-            path.append(at)
+            middle = direction(points_in_plane + 0.5 * step * along, along)
+            points_in_plane = points_in_plane + step * middle
+            along = direction(points_in_plane, middle)
+            path.append(points_in_plane)
         halves.append(np.stack(path, axis=1))
     lines = []
     for back, forth in zip(halves[1], halves[0], strict=True):

@@ -81,10 +81,10 @@ def layered(flat: FlatMesh, pattern: FlatPattern, symmetry: str) -> DeviceMesh:
     masks = {"on_valve": [flat.on_valve], "on_outer": [flat.on_outer], "on_seam": [flat.on_seam], "on_axis": [flat.on_axis]}
     count = len(flat.nodes)
 
-    def copy(of: np.ndarray, shared: np.ndarray, source: np.ndarray) -> np.ndarray:
+    def copy(nodes_of: np.ndarray, shared: np.ndarray, source: np.ndarray) -> np.ndarray:
         """New nodes for those that the quads ``of`` use and do not share; returns the map from old to new."""
         nonlocal count
-        new = np.setdiff1d(np.unique(of), np.flatnonzero(shared))
+        new = np.setdiff1d(np.unique(nodes_of), np.flatnonzero(shared))
         mapping = np.arange(len(source))
         mapping[new] = count + np.arange(len(new))
         nodes.append(source[new])

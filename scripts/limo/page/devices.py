@@ -108,11 +108,11 @@ class Devices:
             name, _ = kept.popitem()
             size -= sizes[name]
             self.reasons[name] = "left out of the 3D view to keep the page small"
-        said = [f"each case is shown at {pressures} of its stored pressures at most"]
+        notes = [f"each case is shown at {pressures} of its stored pressures at most"]
         if dropped := len(self.cases) - len(kept):
-            said.append(f"{dropped} of {len(self.cases)} cases are left out")
+            notes.append(f"{dropped} of {len(self.cases)} cases are left out")
         self.cases = kept
-        return "; ".join(said)
+        return "; ".join(notes)
 
     def plain(self) -> dict[str, Any]:
         """Meshes and cases with what is needed to read them."""
@@ -168,8 +168,8 @@ def _case(model: Model, frames: CaseFrames) -> dict[str, Any]:
     every = _stops(frames)
     stops = [every[k] for k in spread(len(every), MOST_PRESSURES)]
     _, node, _ = nodal(mesh, np.zeros((len(mesh.quads), 4)))
-    found = [_values(model, stop, node, wanted, frames.file) for stop in stops]
-    constant, near, shown = {}, 0.0, [*found]
+    by_stop = [_values(model, stop, node, wanted, frames.file) for stop in stops]
+    constant, near, shown = {}, 0.0, [*by_stop]
     if "fatigue" in wanted:
         fatigue = Fatigue.model_validate_json(measured.attrs["fatigue"])
         cycles, near = _cycles(mesh, measured, fatigue), fatigue.seam_distance.value
@@ -180,7 +180,7 @@ def _case(model: Model, frames: CaseFrames) -> dict[str, Any]:
         "symmetry": model.case.mesh.symmetry,
         "reach": {
             "flat": _reach([mesh.nodes]),
-            "deformed": _reach([mesh.nodes[node] + values["displacement"] for values in found]),
+            "deformed": _reach([mesh.nodes[node] + values["displacement"] for values in by_stop]),
         },
         "stored": len(every),
         "near": near,
@@ -189,7 +189,7 @@ def _case(model: Model, frames: CaseFrames) -> dict[str, Any]:
         "constant": {n: pack_steps(v, steps[n]) for n, v in constant.items() if n in steps},
         "stops": [
             {"pressure": stop.pressure, "remark": stop.remark, "values": {n: pack_steps(v, steps[n]) for n, v in values.items()}}
-            for stop, values in zip(stops, found, strict=True)
+            for stop, values in zip(stops, by_stop, strict=True)
         ],
     }
 

@@ -100,14 +100,14 @@ def write_page(results: Path, studies: Mapping[str, Study]) -> str:
         "library": pack_bytes(get_plotlyjs().encode()),
     }
     without = _render(context | {"left_out": "", "devices": "", "problems": _problems(parts, devices)})
-    said = devices.fit(BUDGET - len(without.encode()) - _ROOM * sum(len(part.cases) for part in parts))
+    notes = devices.fit(BUDGET - len(without.encode()) - _ROOM * sum(len(part.cases) for part in parts))
     shown = {name: [c for c in cases if c["case"] in devices.cases] for name, cases in shown.items()}
     plain = devices.plain() | {"studies": {name: cases for name, cases in shown.items() if cases}}
-    page = _render(context | {"left_out": said, "devices": plain, "problems": _problems(parts, devices)})
+    page = _render(context | {"left_out": notes, "devices": plain, "problems": _problems(parts, devices)})
     write_whole(results / FILE, lambda path: path.write_text(page, encoding="utf-8"))
     size = (results / FILE).stat().st_size / 1e6
     counts = f"{len(parts)} studies, {len(devices.cases)} cases in three dimensions, {size:.1f} MB"
-    return f"{results / FILE}: {counts}" + (f" ({said})" if said else "")
+    return f"{results / FILE}: {counts}" + (f" ({notes})" if notes else "")
 
 
 def _render(context: dict[str, Any]) -> str:
@@ -116,8 +116,8 @@ def _render(context: dict[str, Any]) -> str:
         loader=FileSystemLoader(FOLDER), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     environment.policies["json.dumps_kwargs"] = {"separators": (",", ":")}
-    own = {name.replace(".", "_"): (FOLDER / name).read_text(encoding="utf-8") for name in TEMPLATES[1:]}
-    return environment.get_template(TEMPLATES[0]).render(context | own)
+    templates = {name.replace(".", "_"): (FOLDER / name).read_text(encoding="utf-8") for name in TEMPLATES[1:]}
+    return environment.get_template(TEMPLATES[0]).render(context | templates)
 
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -176,15 +176,15 @@ def _remarks(case: xr.Dataset) -> list[str]:
 
 def _problems(parts: list[StudyPart], devices: Devices) -> list[tuple[str, CaseRow, list[str]]]:
     """Cases that failed or of which something is missing, with the study's name and all reasons."""
-    found = []
+    rows = []
     for part in parts:
         for case in part.cases:
             reasons = list(case.remarks)
             if case.case_id in devices.reasons:
                 reasons.append(f"not in the 3D view: {devices.reasons[case.case_id]}")
             if reasons or case.status != "converged":
-                found.append((part.name, case, reasons))
-    return found
+                rows.append((part.name, case, reasons))
+    return rows
 
 
 def _links(results: Path, files: Iterable[Path]) -> list[tuple[str, str]]:

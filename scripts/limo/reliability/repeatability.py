@@ -93,14 +93,14 @@ def cpu_times(case: Case, mesh_file: Path, status: Mapping[str, Any], solver: So
 
     A case that took ``SHORT`` or longer, or several attempts, is not solved again. ``status`` is what its solve left.
     """
-    found = [float(status["solver_cpu_seconds"])]
-    if found[0] >= SHORT or len(status["attempts"]) > 1:
-        return found
+    seconds = [float(status["solver_cpu_seconds"])]
+    if seconds[0] >= SHORT or len(status["attempts"]) > 1:
+        return seconds
     model = build_model(case, read_mesh(mesh_file, case.mesh.symmetry))
-    while len(found) < TIMES:
+    while len(seconds) < TIMES:
         with tempfile.TemporaryDirectory() as folder, path_of(model, Path(folder), solver, command, None) as path:
-            found.append(round(path.cpu_seconds, 2))
-    return found
+            seconds.append(round(path.cpu_seconds, 2))
+    return seconds
 
 
 def _builds() -> Iterator[tuple[str, Path]]:
@@ -139,11 +139,11 @@ def _rows(kind: str, engine: str, name: str, status: str, ramp: xr.Dataset, maxi
     """A curve every ``STEP`` kPa; ``curve`` is a hash of all its volumes, bit by bit."""
     pressure, volume = ramp.actuation_pressure.values, ramp.ventricle_volume.values
     curve = hashlib.sha256(volume.tobytes() + ramp.actuation_volume.values.tobytes()).hexdigest()[:12]
-    at = np.arange(0.0, maximum + 1e-9, STEP)
-    found = np.interp(at, pressure, volume, right=np.nan) if len(pressure) else np.full(len(at), np.nan)
+    grid = np.arange(0.0, maximum + 1e-9, STEP)
+    volumes = np.interp(grid, pressure, volume, right=np.nan) if len(pressure) else np.full(len(grid), np.nan)
     return [
-        dict(zip(COLUMNS, (kind, engine, name, status, curve, p, repr(float(v)), repr(float(found[0] - v))), strict=True))
-        for p, v in zip(at, found, strict=True)
+        dict(zip(COLUMNS, (kind, engine, name, status, curve, p, repr(float(v)), repr(float(volumes[0] - v))), strict=True))
+        for p, v in zip(grid, volumes, strict=True)
     ]
 
 

@@ -70,16 +70,16 @@ def stress_cases(loaded: Loaded) -> dict[tuple[str, int, str], Case]:
     device, name = loaded.devices[test.device], test.numerics or loaded.default().numerics
     cases = {}
     for box, ranges in test.boxes.items():
-        for k, at in enumerate(sample(ranges, test.seed)):
-            p_v = at["ventricular_pressure"]
+        for k, values in enumerate(sample(ranges, test.seed)):
+            p_v = values["ventricular_pressure"]
             first = Case(
-                device=varied(device, at["thickness"], at["modulus_factor"], at["width_scale"]),
+                device=varied(device, values["thickness"], values["modulus_factor"], values["width_scale"]),
                 device_name=test.device,
-                n_pouches=int(at["n_pouches"]),
+                n_pouches=int(values["n_pouches"]),
                 ventricular_pressure=p_v,
                 actuation_pressure_max=round(p_v + test.actuation_above, 6),
-                aspect_ratio=at["aspect_ratio"],
-                stiffness_ratio=at["stiffness_ratio"],
+                aspect_ratio=values["aspect_ratio"],
+                stiffness_ratio=values["stiffness_ratio"],
                 mesh=test.mesh,
                 mesh_level=loaded.config.mesh_levels[test.mesh.level],
                 numerics=loaded.config.numerics_presets[name],

@@ -86,7 +86,7 @@ def forces_residual(case: Case, mesh_file: Path, folder: Path) -> float | None:
     pressure acts, the forces of what is held count as load.
     """
     model, frames = open_case(case, mesh_file, folder)
-    assembly, free, found = Assembly(model), unconstrained(model), []
+    assembly, free, residuals = Assembly(model), unconstrained(model), []
     for k, pressure in enumerate(frames.pressure):
         motion = frames.motion[k].astype(float) if frames.motion is not None else np.full(1, np.nan)
         if not np.isfinite(motion).all():
@@ -100,8 +100,8 @@ def forces_residual(case: Case, mesh_file: Path, folder: Path) -> float | None:
             for forces in (inside - pressed + moving, shaken - inside, pressed)
         )
         held = np.linalg.norm(through_thickness(model, inside))
-        found.append(max(out - noise, 0.0) / (load or max(held, SMALLEST_FORCE)))
-    return max(found, default=None)
+        residuals.append(max(out - noise, 0.0) / (load or max(held, SMALLEST_FORCE)))
+    return max(residuals, default=None)
 
 
 def _padded(model: Model, values: np.ndarray) -> np.ndarray:

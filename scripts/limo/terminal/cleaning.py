@@ -41,23 +41,23 @@ def find_rubbish(config_files: Sequence[str], results: Path, kinds: Sequence[str
     """
     every = sorted((results / "cases").glob("*"))
     cases = [p for p in every if solving_since(p) is None]
-    found = _leftovers(cases) + _half_written(results) if "leftovers" in kinds else []
+    leftover = _leftovers(cases) + _half_written(results) if "leftovers" in kinds else []
     if "cases" in kinds:
         used, meshes = _used(config_files, results)
         unused = [case for case in cases if case.name not in used]
-        found = [r for r in found if not any(case in r.path.parents for case in unused)]
-        found += [Rubbish(path, "a case that no study uses", size_of(path)) for path in unused]
-        found += [
+        leftover = [r for r in leftover if not any(case in r.path.parents for case in unused)]
+        leftover += [Rubbish(path, "a case that no study uses", size_of(path)) for path in unused]
+        leftover += [
             Rubbish(path, "of a case that no study uses", size_of(path)) for c in unused for path in _about(results, c.name)
         ]
         # someone may be solving a case of another configuration on any of them
         spare = [p for p in (results / "meshes").glob("[!.]*.vtu") if p.stem not in meshes] if cases == every else []
-        found += [Rubbish(path, "a mesh that no study uses", size_of(path)) for path in sorted(spare)]
+        leftover += [Rubbish(path, "a mesh that no study uses", size_of(path)) for path in sorted(spare)]
     inside = results.resolve()
-    for rubbish in found:  # nothing outside of the results, whatever links there are
+    for rubbish in leftover:  # nothing outside of the results, whatever links there are
         if not rubbish.path.parent.resolve().is_relative_to(inside):
             raise LimoError(f"{rubbish.path}: leads out of {results}; nothing was deleted")
-    return found
+    return leftover
 
 
 def _about(results: Path, name: str) -> list[Path]:
@@ -81,20 +81,20 @@ def _used(config_files: Sequence[str], results: Path) -> tuple[set[str], set[str
 
 
 def _leftovers(cases: Sequence[Path]) -> list[Rubbish]:
-    own = [case for case in cases if not case.is_symlink()]
-    files = {file: None for case in own for pattern in SOLVER_FILES for file in (case / "run").glob(pattern)}
+    folders = [case for case in cases if not case.is_symlink()]
+    files = {file: None for case in folders for pattern in SOLVER_FILES for file in (case / "run").glob(pattern)}
     return [Rubbish(file, "left by a solver", size_of(file)) for file in files]
 
 
 def _half_written(results: Path) -> list[Rubbish]:
     """Files written aside by processes that are gone (``files.write_whole`` names them by their process)."""
-    found = []
+    rubbish = []
     for path in sorted([*results.glob("*/.[0-9]*.*"), *results.glob("*/*/.[0-9]*.*"), *results.glob("*/*/run*/.[0-9]*.*")]):
         process = path.name.split(".")[1]
         gone = process.isdigit() and not Path(f"/proc/{process}").exists()
         if gone and time.time() - path.lstat().st_mtime > OLD:
-            found.append(Rubbish(path, "half written", size_of(path)))
-    return found
+            rubbish.append(Rubbish(path, "half written", size_of(path)))
+    return rubbish
 
 
 def size_of(path: Path) -> int:

@@ -35,6 +35,6 @@ def values(prefix: str, action: argparse.Action, parsed_args: argparse.Namespace
     folder = FOLDERS[kind] if kind != "CASE" else getattr(parsed_args, "results", Path("results")) / FOLDERS[kind]
     if not folder.is_dir():
         return []
-    found = {p.name if p.is_dir() else p.stem for p in folder.iterdir() if p.is_dir() or p.suffix in (".yaml", ".yml")}
+    names = {p.name if p.is_dir() else p.stem for p in folder.iterdir() if p.is_dir() or p.suffix in (".yaml", ".yml")}
     given = getattr(parsed_args, action.dest, None)
-    return sorted(found.difference(given if isinstance(given, list) else ()))
+    return sorted(names.difference(given if isinstance(given, list) else ()))

@@ -48,17 +48,17 @@ def find_case(results: Path, words: str | Sequence[str]) -> str:
     names = sorted(p.name for p in folder.iterdir() if p.is_dir()) if folder.is_dir() else []
     if not names:
         raise LimoError(f"{folder}: no case was begun yet; run a study first, for example: limo sweep pressure_volume")
-    found = [name for name in names if all(_matches(name, word) for word in wanted)]
+    matches = [name for name in names if all(_matches(name, word) for word in wanted)]
     if len(wanted) == 1 and wanted[0] in names:
-        found = wanted
-    if len(found) == 1:
-        return found[0]
+        matches = wanted
+    if len(matches) == 1:
+        return matches[0]
     text = " ".join(wanted)
-    listed = found or names
+    listed = matches or names
     short = short_names(names)
     rest = [f"  and {len(listed) - _LISTED} more"] if len(listed) > _LISTED else []
-    says = f"{len(found)} cases are meant by" if found else "no case is meant by"
-    raise LimoError("\n".join([f"{says} {text!r}; there are:", *(f"  {short[name]}" for name in listed[:_LISTED]), *rest]))
+    message = f"{len(matches)} cases are meant by" if matches else "no case is meant by"
+    raise LimoError("\n".join([f"{message} {text!r}; there are:", *(f"  {short[name]}" for name in listed[:_LISTED]), *rest]))
 
 
 def _matches(name: str, word: str) -> bool:
@@ -174,8 +174,8 @@ def _volumes(one: CaseFolder, pressures: Sequence[float]) -> list[str]:
 
 
 def _events(one: CaseFolder) -> list[str]:
-    found = largest_events(events(one.ramp.actuation_pressure.values, one.ramp.stroke_volume.values))
-    lines = [f"  {e.before:.2f} to {e.after:.2f} kPa: {e.jump:+.1f} ml" for e in found]
+    jumps = largest_events(events(one.ramp.actuation_pressure.values, one.ramp.stroke_volume.values))
+    lines = [f"  {e.before:.2f} to {e.after:.2f} kPa: {e.jump:+.1f} ml" for e in jumps]
     return ["buckling events (jumps of the stroke volume):", *lines] if lines else ["no buckling events"]
 
 

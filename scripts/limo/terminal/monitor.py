@@ -90,12 +90,13 @@ def _totals(sweep: Sweep, statuses: Sequence[CaseStatus], hidden: int = 0) -> Te
 def _reasons(statuses: Sequence[CaseStatus]) -> list[str]:
     """Why cases failed, each reason once."""
     names = short_names(s.case for s in statuses)
-    of: dict[str, list[str]] = {}
+    names_by_reason: dict[str, list[str]] = {}
     for s in statuses:
         if s.reason:
-            of.setdefault(s.reason, []).append(names[s.case])
+            names_by_reason.setdefault(s.reason, []).append(names[s.case])
     return [
-        f"  {', '.join(cases[:3])}{f' and {len(cases) - 3} more' * (len(cases) > 3)}: {reason}" for reason, cases in of.items()
+        f"  {', '.join(cases[:3])}{f' and {len(cases) - 3} more' * (len(cases) > 3)}: {reason}"
+        for reason, cases in names_by_reason.items()
     ]
 
 
@@ -172,10 +173,10 @@ def run_sweep(sweep: Sweep, config_file: str, studies: Sequence[str], cores: int
     log.parent.mkdir(parents=True, exist_ok=True)
     command = [sys.executable, "-m", "snakemake", "--cores", str(cores), *studies, *options, "--config", f"file={config_file}"]
     to.print(f"snakemake runs {', '.join(studies) or 'the studies of the configuration'}; what it says: {log}")
-    with log.open("w", encoding="utf-8") as said:
+    with log.open("w", encoding="utf-8") as output:
         environment = os.environ | {"OMP_NUM_THREADS": "1"}
         process = subprocess.Popen(
-            command, stdin=subprocess.DEVNULL, stdout=said, stderr=subprocess.STDOUT, env=environment, start_new_session=True
+            command, stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT, env=environment, start_new_session=True
         )
         try:
             statuses = watch(sweep, to, 2.0, lambda: process.poll() is not None)

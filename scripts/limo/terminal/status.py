@@ -92,13 +92,13 @@ class Sweep:
 
     def look(self) -> list[CaseStatus]:
         """The cases of the studies in their order, then those of other studies that someone is solving."""
-        found = [self._case(name) for name in self.named]
+        statuses = [self._case(name) for name in self.named]
         begun = (self._case(name) for name in self.others if solving_since(self.results / "cases" / name) is not None)
-        return found + list(begun)
+        return statuses + list(begun)
 
     def _case(self, name: str) -> CaseStatus:
-        found = case_status(self.plan.cases[name], self.results / "cases" / name, self.predicted[name])
-        return replace(found, variant=self.variants.get(name, ""))
+        status = case_status(self.plan.cases[name], self.results / "cases" / name, self.predicted[name])
+        return replace(status, variant=self.variants.get(name, ""))
 
     def totals(self, statuses: Sequence[CaseStatus]) -> dict[str, Any]:
         """How many cases are in each status, and the wall time (s) that is left."""
@@ -110,15 +110,15 @@ class Sweep:
 
 def _variants(plan: Plan, studies: Sequence[str]) -> dict[str, str]:
     """What studies call the cases that they tell apart by variant or branch, by case id."""
-    found: dict[str, dict[str, None]] = {}
+    parts_of_case: dict[str, dict[str, None]] = {}
     for study in studies:
         for key, name in plan.served[study].items():
             *_, variant, branch = key
-            said = [CROSS_CHECK.replace("_", " ")] if key[0] == CROSS_CHECK else []
-            said += [variant] * bool(variant) + [f"branch {branch}"] * bool(branch)
-            if said:
-                found.setdefault(name, {})[", ".join(said)] = None
-    return {name: " = ".join(said) for name, said in found.items()}
+            parts = [CROSS_CHECK.replace("_", " ")] if key[0] == CROSS_CHECK else []
+            parts += [variant] * bool(variant) + [f"branch {branch}"] * bool(branch)
+            if parts:
+                parts_of_case.setdefault(name, {})[", ".join(parts)] = None
+    return {name: " = ".join(parts) for name, parts in parts_of_case.items()}
 
 
 def open_sweep(config_file: str, studies: Sequence[str], results: Path, cores: int) -> Sweep:

@@ -35,15 +35,15 @@ def plan_table(config_file: str, names: Sequence[str], results: Path, cores: int
     lines = [f"{config_file}: valid; {', '.join(f'{engine} {build}' for engine, build in sorted(loaded.builds.items()))}"]
     together: set[str] = set()
     for name in names or loaded.studies:
-        own, serving = study_cases(loaded, name), plan.served[name]
+        own_cases, serving = study_cases(loaded, name), plan.served[name]
         cases = set(serving.values())
         left = cases & plan.to_solve
         together |= cases
-        others = sum(serving[key] != case.case_id for key, case in own.items())
+        others = sum(serving[key] != case.case_id for key, case in own_cases.items())
         parts = [
             f"{len(cases)} cases on {len({plan.cases[c].mesh_id for c in cases})} meshes",
             f"{len(cases - left)} solved",
-            *([f"{others} of {len(own)} served by a case beyond them"] if others else []),
+            *([f"{others} of {len(own_cases)} served by a case beyond them"] if others else []),
             *([f"{len(left)} to solve in {duration(sum(costs[c] for c in left))} of CPU time"] if left else []),
         ]
         lines.append(f"  {name}: {', '.join(parts)}" + ("  (default)" if name in loaded.config.studies else ""))
