@@ -86,6 +86,10 @@ def make_parser() -> argparse.ArgumentParser:
         made.add_argument("device", metavar="DEVICE", help="a file in config/devices")
         made.add_argument("n_pouches", metavar="N_P", type=int, help="number of pouches on both faces together")
         made.add_argument("--allowance", type=float, default=0.0, metavar="MM", help="of the cut lines beyond the seals (0)")
+        made.add_argument(
+            "--seams", choices=("lines", "closed", "both"), default="lines",
+            help="each seam as a line, or a closed contour for each pouch, for heat sealers (default: %(default)s)",
+        )  # fmt: skip
         made.add_argument("--width-scale", type=float, metavar="FACTOR", help="instead of the device's own")
         made.add_argument("--to", type=Path, default=Path("results/patterns"), metavar="FOLDER", help="default: %(default)s")
         _config(made)
@@ -273,7 +277,7 @@ def _new_study(chosen: argparse.Namespace) -> None:
 def _pattern(chosen: argparse.Namespace) -> None:
     from limo.drawing import write_pattern
 
-    arguments = (chosen.config, chosen.device, chosen.n_pouches, chosen.to, chosen.width_scale, chosen.allowance)
+    arguments = (chosen.config, chosen.device, chosen.n_pouches, chosen.to, chosen.width_scale, chosen.allowance, chosen.seams)
     for file in write_pattern(*arguments):
         print(file)
 

@@ -112,11 +112,18 @@ def _draw_mesh(axis, mesh: DeviceMesh) -> None:
 
 
 def write_pattern(
-    config_file: str, device: str, n_pouches: int, folder: Path, width_scale: float | None = None, allowance: float = 0.0
+    config_file: str,
+    device: str,
+    n_pouches: int,
+    folder: Path,
+    width_scale: float | None = None,
+    allowance: float = 0.0,
+    seams: str = "lines",
 ) -> list[Path]:
     """Write the cutting pattern of a device as SVG and DXF to scale into a folder; returns the files.
 
-    Lengths in mm. Raises ``ConfigError`` for a device that is not there and for a layout that cannot be cut.
+    Lengths in mm; ``seams`` as ``cutting_lines`` has it. Raises ``ConfigError`` for a device that is not there and for a layout
+    that cannot be cut.
     """
     loaded = load_config(config_file)
     if device not in loaded.devices:
@@ -129,7 +136,7 @@ def write_pattern(
     shape = loaded.devices[device].pattern
     if width_scale is not None:
         shape = shape.model_copy(update={"width_scale": width_scale})
-    lines = cutting_lines(flat_pattern(shape, n_pouches, loaded.files[f"devices/{device}"]), allowance)
+    lines = cutting_lines(flat_pattern(shape, n_pouches, loaded.files[f"devices/{device}"]), allowance, seams)
     name = f"{device}_np{n_pouches}" + (f"_w{number_label(width_scale)}" if width_scale is not None else "")
     title = f"LIMO device {device}, N_p = {n_pouches}, one face, L = {shape.length:g} mm, allowance {allowance:g} mm"
     files = [folder / f"{name}.svg", folder / f"{name}.dxf"]
