@@ -491,3 +491,39 @@ def test_mistakes_are_one_message_and_nothing_is_written(project, capsys, words,
     assert re.search(says, error)
     assert error.count("\n") == 1
     assert sorted(project.rglob("*")) == before
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# any drawing
+
+coordinates = st.one_of(st.sampled_from([-50.0, 0.0, 15.0, 20.0, 50.0, 95.0, 120.0, 15.02, 1e-5]), st.floats(-150, 150))
+some_points = st.lists(st.tuples(coordinates, coordinates), min_size=2, max_size=6).map(lambda p: np.array(p, float))
+scribbles = st.tuples(st.sampled_from(["EDGE", "VALVE", "SEAMS"]), some_points, st.booleans())
+
+
+@st.composite
+def spoiled(draw):
+    """The simple pattern with lines left out, moved, bent or added."""
+    lines = simple() if draw(st.booleans()) else simple(*([[f * 8.0, 20.0], [f * 11.0, 60.0], [f * 8.0, 95.0]] for f in (1, 2)))
+    kept = []
+    for layer, points, closed in lines:
+        points = points.copy()
+        if draw(st.integers(0, 5)) == 0:
+            k = draw(st.integers(0, len(points) - 1))
+            points[k] += draw(st.tuples(*[st.one_of(st.floats(-0.2, 0.2), st.floats(-30, 30))] * 2))
+        if draw(st.integers(0, 14)):
+            kept.append((layer, points, closed ^ (draw(st.integers(0, 14)) == 0)))
+    return kept + draw(st.lists(scribbles, max_size=2))
+
+
+@settings(max_examples=4 * EXAMPLES, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(lines=st.one_of(spoiled(), st.lists(scribbles, max_size=6)), half=st.sampled_from([None, None, "right", "left"]))
+def test_any_drawing_is_one_message_or_a_device_within_the_tolerance(tmp_path, lines, half):
+    file = write_dxf(tmp_path / "any.dxf", lines)
+    try:
+        roles, found = read_pattern(Request(file, half=half))
+    except ConfigError:
+        return
+    assert max(found.deviations.values()) <= TOLERANCE
+    assert len(roles.lines["valve"]) > 0
+    assert flat_pattern(parse(Pattern, found.data, file), found.drawn.n_pouches).n_pouches == found.drawn.n_pouches

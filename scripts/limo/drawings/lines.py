@@ -26,7 +26,8 @@ def noded(lines: Sequence[LineString], gap: float) -> list[LineString]:
     lines = [line for line in lines if line.length > GRID]
     if not lines:
         return []
-    cut = shapely.unary_union([*lines, *_bridges(lines, gap)], grid_size=GRID)
+    with np.errstate(divide="ignore", invalid="ignore"):  # of parallel lines, on the way to a right result
+        cut = shapely.unary_union([*lines, *_bridges(lines, gap)], grid_size=GRID)
     return _trimmed(list(getattr(cut, "geoms", [cut])), 2.0 * gap)
 
 

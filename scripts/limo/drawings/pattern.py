@@ -128,7 +128,7 @@ def find_pattern(roles: Roles, tolerance: float, half: Half | None = None) -> Dr
 
 def _check_size(roles: Roles) -> None:
     """Raise for an outline that is no outline of a device in this unit."""
-    bounds = np.array([line.bounds for line in roles.lines["outline"]])
+    bounds = np.array([line.bounds for line in roles.lines["outline"]] or [[0.0] * 4])
     size = float((bounds[:, 2:].max(axis=0) - bounds[:, :2].min(axis=0)).max())
     if not 1.0 <= size <= 2.0 * LONGEST:
         found = f"an outline of {size:.5g} mm, with the unit {roles.unit}"
@@ -278,11 +278,12 @@ def _layout(roles: Roles, everything: dict[str, list[np.ndarray]], tolerance: fl
     loose = [line for line in (*cuts.geoms, *dangles.geoms) if line.length > 2.0 * tolerance]
     pouches = list(polygons.geoms)
     if not pouches or loose:
-        x, y = (max(loose, key=lambda line: line.length) if loose else pieces[0]).coords[0]
+        longest = max(loose, key=lambda line: line.length, default=None)
         raise ConfigError(
             file,
             where,
-            f"{len(pouches)} closed pouches, {len(loose)} lines that end nowhere, the longest at {_at(x, y)}",
+            f"{len(pouches)} closed pouches, {len(loose)} lines that end nowhere"
+            + (f", the longest at {_at(*longest.coords[0])}" if loose else ""),
             f"seams that close every pouch, gaps no wider than the tolerance of {tolerance:g} mm",
             f"join the ends, or --tolerance {10 * tolerance:g}",
         )

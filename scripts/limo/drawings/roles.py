@@ -42,7 +42,7 @@ class Roles:
 
     def where(self, *roles: str) -> str:
         """Names of the layers of some roles, for messages."""
-        return "layer " + ", ".join(dict.fromkeys(self.layers[role] for role in roles if self.lines[role]))
+        return "layer " + ", ".join(dict.fromkeys(self.layers[role] for role in roles if self.layers[role]))
 
 
 def parse_map(words: Sequence[str]) -> dict[str, tuple[str, ...]]:
