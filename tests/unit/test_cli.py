@@ -13,7 +13,7 @@ from limo.config import RULES, load_config
 
 COMMANDS = (
     "check", "new-study", "pattern", "status", "sweep", "show", "compare", "table", "benchmark", "performance", "clean",
-    "completion", "paper-check", "gallery", "page", "accuracy", "reliability",
+    "completion", "paper-check", "gallery", "page", "accuracy", "reliability", "import-pattern",
 )  # fmt: skip
 
 
@@ -133,6 +133,8 @@ def test_names_that_are_taken_or_cannot_be_write_nothing(project, name, capsys):
         (["pattern", "m"], {"mini_limo"}),
         (["pattern", "limo", "--w"], {"--width-scale"}),
         (["new-study", "x", "--device", "mini"], {"mini_limo"}),
+        (["import-pattern", "x.dxf", "--fabric", "mini"], {"mini_limo"}),
+        (["import-pattern", "x.dxf", "--half", ""], {"right", "left"}),
         (["show", "limo_np4"], {"limo_np4_pv3.8"}),
         (["performance", "rec"], {"record"}),
         (["performance", "record", "--t"], {"--table"}),
