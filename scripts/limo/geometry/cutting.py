@@ -26,6 +26,7 @@ LAYERS = {
     "CUT_WALL": ("#000000", 7, "cut line of the wall sheet, two a device"),
     "CUT_POUCHES": ("#009E73", 3, "cut line of the pouch sheet, two a device"),
     "SEAMS": ("#D55E00", 1, "seals the pouch sheet to the wall"),
+    "SEAMS_CLOSED": ("#E69F00", 30, "the same as one closed contour a pouch"),
     "EDGE": ("#0072B2", 5, "seals front and back together"),
     "VALVE": ("#CC79A7", 6, "edge that the valve support takes"),
     "SCALE": ("#777777", 8, "100 mm"),
@@ -58,8 +59,30 @@ def both_halves(polygon: Polygon) -> Polygon:
     return unary_union([polygon.buffer(1e-9), left.buffer(1e-9)]).simplify(1e-6)
 
 
-def cutting_lines(pattern: FlatPattern, allowance: float = 0.0) -> list[Line]:
-    """The lines of one face. Cut lines run ``allowance`` mm outside of the sealed edges and seams."""
+def pouch_contours(pattern: FlatPattern) -> list[Line]:
+    """One closed line around each pouch of a face, from the axis outwards; two pouches side by side both have their seam."""
+    contours = []
+    for region in pattern.regions[1:]:
+        sealed = [(pattern.curves[i], d) for i, d in region.loop if pattern.curves[i].kind == "seam"]
+        crosses = len(sealed) < len(region.loop)  # the axis, where it has no seam
+        if crosses:  # begin behind the axis, so that what is sealed is one line from axis to axis
+            at = next(k for k, (i, _) in enumerate(region.loop) if pattern.curves[i].kind == "axis")
+            sealed = [(pattern.curves[i], d) for i, d in (*region.loop[at + 1 :], *region.loop[:at])]
+        half = np.vstack([curve.points[::d][:-1] for curve, d in sealed])
+        if crosses:
+            curve, d = sealed[-1]
+            end = curve.points[::d][-1:]
+            contours.append(Line("SEAMS_CLOSED", np.vstack([half, end, mirrored(half)[:-1]]), closed=True))
+        else:
+            contours += [Line("SEAMS_CLOSED", points, closed=True) for points in (half, mirrored(half))]
+    return contours
+
+
+def cutting_lines(pattern: FlatPattern, allowance: float = 0.0, seams: str = "lines") -> list[Line]:
+    """The lines of one face. Cut lines run ``allowance`` mm outside of the sealed edges and seams.
+
+    ``seams``: ``lines``, each drawn once; ``closed``, one closed contour a pouch; or ``both``, on a layer each.
+    """
     regions = [pattern.polygon(region) for region in pattern.regions]
     array = unary_union([region.buffer(1e-9) for region in regions[1:]]).simplify(1e-6)
     wall = unary_union([array, regions[0].buffer(1e-9)]).simplify(1e-6)
@@ -70,9 +93,11 @@ def cutting_lines(pattern: FlatPattern, allowance: float = 0.0) -> list[Line]:
         lines.append(Line(layer, np.array(outside.exterior.coords)[:-1], closed=True))
     layers = {"seam": "SEAMS", "outer": "EDGE", "valve": "VALVE"}
     for curve in pattern.curves:
-        if layer := layers.get(curve.kind):
+        if (layer := layers.get(curve.kind)) and (layer != "SEAMS" or seams != "closed"):
             on_axis = np.abs(curve.points[:, 0]).max() < 1e-9
             lines += [Line(layer, curve.points), *([] if on_axis else [Line(layer, mirrored(curve.points))])]
+    if seams != "lines":
+        lines += pouch_contours(pattern)
     low = min(line.points[:, 1].min() for line in lines) - _MARGIN
     return [*lines, Line("SCALE", np.array([[-BAR / 2, low], [BAR / 2, low]]))]
 
@@ -81,7 +106,9 @@ def svg(lines: list[Line], title: str) -> str:
     """A drawing at true size, one group a layer (a layer in Inkscape too), with the layers named below."""
     points = np.vstack([line.points for line in lines])
     (left, low), (right, high) = points.min(axis=0) - _MARGIN, points.max(axis=0) + _MARGIN
-    notes = [title, *(f"{name}: {meaning}" for name, (_, _, meaning) in LAYERS.items())]
+    drawn = {line.layer for line in lines}
+    layers = {name: look for name, look in LAYERS.items() if name in drawn}
+    notes = [title, *(f"{name}: {meaning}" for name, (_, _, meaning) in layers.items())]
     width, height = right - left, high - low + 1.5 * _TEXT * len(notes)
     parts = [
         '<?xml version="1.0" encoding="UTF-8"?>',
@@ -89,7 +116,7 @@ def svg(lines: list[Line], title: str) -> str:
         f'width="{width:.3f}mm" height="{height:.3f}mm" viewBox="{left:.3f} {-high:.3f} {width:.3f} {height:.3f}">',
         f"<title>{title}</title>",
     ]
-    for name, (color, _, _) in LAYERS.items():
+    for name, (color, _, _) in layers.items():
         parts.append(
             f'<g id="{name}" inkscape:groupmode="layer" inkscape:label="{name}" fill="none" stroke="{color}" stroke-width="0.2">'
         )
@@ -98,7 +125,7 @@ def svg(lines: list[Line], title: str) -> str:
             parts.append(f'<path d="M {path}{" Z" if line.closed else ""}"/>')
         parts.append("</g>")
     parts.append(f'<g id="NOTES" inkscape:groupmode="layer" inkscape:label="NOTES" font-family="sans-serif" font-size="{_TEXT}">')
-    colors = ["#000000", *(color for color, _, _ in LAYERS.values())]
+    colors = ["#000000", *(color for color, _, _ in layers.values())]
     for k, (note, color) in enumerate(zip(notes, colors, strict=True)):
         parts.append(f'<text x="{left + _MARGIN:.3f}" y="{-low + 1.5 * _TEXT * k:.3f}" fill="{color}">{note}</text>')
     return "\n".join([*parts, "</g>", "</svg>", ""])

@@ -124,10 +124,12 @@ def write_pattern(
     width_scale: float | None = None,
     allowance: float = 0.0,
     dxf_version: str = DXF_VERSIONS[0],
+    seams: str = "lines",
 ) -> list[Path]:
     """Write the cutting pattern of a device as SVG and DXF to scale into a folder; returns the files.
 
-    Lengths in mm. Raises ``ConfigError`` for a device that is not there and for a layout that cannot be cut.
+    Lengths in mm; ``seams`` as ``cutting_lines`` has it. Raises ``ConfigError`` for a device that is not there and for a layout
+    that cannot be cut.
     """
     loaded = load_config(config_file)
     if device not in loaded.devices:
@@ -143,7 +145,7 @@ def write_pattern(
     shape = loaded.devices[device].pattern
     if width_scale is not None:
         shape = shape.model_copy(update={"width_scale": width_scale})
-    lines = cutting_lines(flat_pattern(shape, n_pouches, loaded.files[f"devices/{device}"]), allowance)
+    lines = cutting_lines(flat_pattern(shape, n_pouches, loaded.files[f"devices/{device}"]), allowance, seams)
     name = f"{device}_np{n_pouches}" + (f"_w{number_label(width_scale)}" if width_scale is not None else "")
     title = f"LIMO device {device}, N_p = {n_pouches}, one face, L = {shape.length:g} mm, allowance {allowance:g} mm"
     files = [folder / f"{name}.svg", folder / f"{name}.dxf"]

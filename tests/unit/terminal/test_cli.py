@@ -16,7 +16,7 @@ from limo.terminal.completion import script
 
 COMMANDS = (
     "check", "new-study", "pattern", "status", "sweep", "show", "compare", "table", "benchmark", "performance", "clean",
-    "completion", "paper-check", "gallery", "page", "accuracy", "reliability",
+    "completion", "paper-check", "gallery", "page", "accuracy", "reliability", "import-pattern",
 )  # fmt: skip
 
 
@@ -157,6 +157,8 @@ def ask(line, tmp_path, *options):
         ("pattern limo --w", {"--width-scale"}),
         ("pattern limo 6 --dxf-version ", {"R2010", "R12"}),
         ("new-study x --device mini", {"mini_limo"}),
+        ("import-pattern x.dxf --fabric mini", {"mini_limo"}),
+        ("import-pattern x.dxf --half ", {"right", "left"}),
         ("show limo_np4", {"limo_np4_pv3.8"}),
         ("show limo_np4_pv3.8 limo_np4", set()),
         ("show --results copied limo", {"limo_np6_pv3.8"}),
