@@ -178,7 +178,7 @@ def _draw(found: Imported, roles: Roles, request: Request, name: str, picture: P
     from matplotlib.collections import LineCollection
 
     from limo.figures import style
-    from limo.terminal.drawing import _KINDS, draw_pattern
+    from limo.figures.flat_pattern import LINES, draw_pattern
 
     style.plt.rcParams.update(style.SETTINGS)
     figure, axis = style.plt.subplots(figsize=(5.2, 6.0), layout="constrained")
@@ -192,7 +192,7 @@ def _draw(found: Imported, roles: Roles, request: Request, name: str, picture: P
         knots += [[f * x, y] for f in seams["fractions"][found.drawn.n_pouches] if f for x, y in seams["reference"]]
     x, y = ([length * point[k] for point in knots] for k in (0, 1))
     axis.plot(x, y, ".", color="k", ms=3.5, label="points of the curves", zorder=4)
-    for said, color, width in _KINDS.values():
+    for said, color, width in LINES.values():
         axis.plot([], [], color=color, lw=width, label=said)
     axis.set_xlabel("x [mm]")
     axis.set_ylabel("y [mm]")

@@ -14,8 +14,9 @@ from limo.config.load import load_config
 from limo.config.project import Loaded
 from limo.errors import ConfigError
 from limo.figures import style
-from limo.geometry.cutting import DXF_VERSIONS, both_halves, cutting_lines, dxf, mirrored, svg
-from limo.geometry.pattern import FlatPattern, flat_pattern
+from limo.figures.flat_pattern import LINES, draw_pattern
+from limo.geometry.cutting import DXF_VERSIONS, cutting_lines, dxf, svg
+from limo.geometry.pattern import flat_pattern
 from limo.mesh.device import mesh_device
 from limo.mesh.file import read_mesh
 from limo.mesh.layers import DeviceMesh
@@ -23,11 +24,6 @@ from limo.store.digest import number_label
 from limo.store.files import write_whole
 
 _ROW = 4  # panels in a row
-_KINDS = {
-    "outer": ("sealed edge", "k", 1.4),
-    "valve": ("valve edge", style.COLORS[3], 2.4),
-    "seam": ("seam", style.COLORS[1], 1.2),
-}
 EPICARDIUM = 2  # the layer of a mesh that lies on the pouches of the wall
 
 
@@ -83,24 +79,10 @@ def draw_study(loaded: Loaded, name: str, results: Path, meshes: bool = False):
         axis.set_xlabel("x [mm]")
     for row in axes:
         row[0].set_ylabel("y [mm]")
-    handles = [Line2D([], [], color=color, lw=width, label=label) for label, color, width in _KINDS.values()]
+    handles = [Line2D([], [], color=color, lw=width, label=label) for label, color, width in LINES.values()]
     figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
     figure.suptitle(f"{name}: flat pattern of one face, device {loaded.studies[name].device}", fontsize=9)
     return figure
-
-
-def draw_pattern(axis, pattern: FlatPattern) -> None:
-    """Draw one face: pouches filled, then seams, sealed edge and valve edge."""
-    for region in pattern.regions[1:]:
-        half = pattern.polygon(region)
-        whole = both_halves(half)
-        for part in getattr(whole, "geoms", [whole]):
-            axis.fill(*part.exterior.xy, color=style.COLORS[5], alpha=0.25, lw=0)
-    for kind, (_, color, width) in _KINDS.items():
-        for curve in (c for c in pattern.curves if c.kind == kind):
-            for points in (curve.points, mirrored(curve.points)):
-                axis.plot(*points.T, color=color, lw=width, solid_capstyle="butt")
-    axis.set_aspect("equal")
 
 
 def _mesh(case: Case, results: Path) -> DeviceMesh:
