@@ -12,7 +12,7 @@ export PATH := $(CURDIR)/$(BIN):$(PATH)
 # Set-up is redone when its inputs are newer than the stamp, or when .venv was removed.
 ABSENT := $(if $(wildcard $(BIN)/limo),,absent)
 
-.PHONY: help setup ccx-tuned sweep test lint format benchmark performance accuracy standard schemas lock clean-setup absent
+.PHONY: help setup ccx-tuned sweep test lint format benchmark performance accuracy standard docs schemas lock clean-setup absent
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -73,6 +73,9 @@ standard: setup ## solve what docs/gallery/standard lacks (hours), add it, and c
 		OMP_NUM_THREADS=1 $(BIN)/snakemake --cores $(CORES) --keep-going --config file=config/standard.yaml -- $$lacks; }; \
 		$(BIN)/limo gallery $(STANDARD)
 	$(BIN)/limo paper-check --data docs/gallery/standard/data --beside docs/gallery/data --table docs/paper_check.csv --page docs/paper_check.md
+
+docs: setup ## write what is generated in the documents and needs no solver: README, references, reports
+	@$(BIN)/limo docs
 
 schemas: setup ## write the schemas of the configuration files
 	@$(BIN)/python -m limo.config.json_schemas workflow/schemas

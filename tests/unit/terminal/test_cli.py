@@ -16,7 +16,7 @@ from limo.terminal.completion import script
 
 COMMANDS = (
     "check", "new-study", "pattern", "status", "sweep", "show", "compare", "table", "benchmark", "performance", "clean",
-    "completion", "paper-check", "gallery", "page", "accuracy", "reliability",
+    "completion", "paper-check", "gallery", "page", "accuracy", "reliability", "docs",
 )  # fmt: skip
 
 
