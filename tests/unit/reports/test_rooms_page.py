@@ -6,6 +6,7 @@ import re
 import pytest
 
 from limo.errors import ResultError
+from limo.reports.blocks import by_hand
 from limo.reports.rooms import ORDER, PACKAGE, arrows, by_room, first_sentence, rules
 
 
@@ -37,6 +38,14 @@ def test_files_and_names_of_the_table_exist(root):
         keys = {f"{key}:" for file in files if file.suffix == ".yaml" for key in re.findall(r"^(\w+):", file.read_text(), re.M)}
         names = {name for name in named - paths if "NAME" not in name}
         assert names <= known | keys | {"make docs"}, row
+
+
+@pytest.mark.parametrize("document", ["CONTRIBUTING.md", "config/README.md", "docs/configuration.md"])
+def test_files_that_documents_name_exist(root, document):
+    text = by_hand((root / document).read_text(encoding="utf-8"))
+    named = re.findall(r"`((?:scripts|config|docs|tests|workflow)/[\w./]+)`", text)
+    assert named
+    assert [name for name in named if "NAME" not in name and not (root / name).exists()] == []
 
 
 def test_arrows_are_found_wherever_something_is_imported(tmp_path):
