@@ -60,11 +60,11 @@ performance: setup ## measure what everything costs (hours) and write docs/perfo
 		$(BIN)/limo performance record $$name --config $$config; \
 	done
 	$(BIN)/limo performance overhead --config config/grids/preview_newton.yaml
-	$(BIN)/limo performance report >docs/performance.md
+	$(BIN)/limo docs docs/performance.md README.md
 
 accuracy: setup ## measure errors (hours) and write docs/accuracy.md
 	@OMP_NUM_THREADS=1 $(BIN)/snakemake --cores $(CORES) accuracy
-	$(BIN)/limo accuracy >docs/accuracy.md
+	$(BIN)/limo docs docs/accuracy.md README.md
 
 # As much as is not there yet, here or elsewhere: may be stopped and started again, and committed in between.
 STANDARD := --set standard --config config/standard.yaml
@@ -73,6 +73,7 @@ standard: setup ## solve what docs/gallery/standard lacks (hours), add it, and c
 		OMP_NUM_THREADS=1 $(BIN)/snakemake --cores $(CORES) --keep-going --config file=config/standard.yaml -- $$lacks; }; \
 		$(BIN)/limo gallery $(STANDARD)
 	$(BIN)/limo paper-check --data docs/gallery/standard/data --beside docs/gallery/data --table docs/paper_check.csv --page docs/paper_check.md
+	$(BIN)/limo docs README.md
 
 docs: setup ## write what is generated in the documents and needs no solver: README, references, reports
 	@$(BIN)/limo docs

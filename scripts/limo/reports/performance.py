@@ -144,7 +144,8 @@ def report(rows: pd.DataFrame, overhead: pd.DataFrame) -> str:
         "A grid has the 19 cases of `afterload`, `valve_support` and `compliance`. On two cores the longest cases start first.",
         markdown_table(_grids(rows)),
         "## The engines against each other",
-        "Both engines solve the same cases on the same meshes. Strokes are in ml at P_a,max, volumes at rest in ml, CPU in s.",
+        "Both engines solve the same cases on the same meshes, level `preview`. Strokes are in ml at P_a,max, volumes at rest in "
+        "ml, CPU in s.",
         markdown_table(_engines(rows)),
         "## One change at a time",
         "The case is N_p = 10 at P_v = 3.8 kPa on `preview` (`config/levers`). Each change is compared with the first line of "
@@ -152,9 +153,9 @@ def report(rows: pd.DataFrame, overhead: pd.DataFrame) -> str:
         f"{HARMLESS:.0%} and dissipate at most {DISSIPATES:g} times as much.",
         markdown_table(_levers(rows)),
         "## Builds, and the deck of the paper",
-        "All rows are the same case (`config/levers`, `config/stock`). The deck `paper` was stopped by a time limit. Its CPU "
-        "time is extrapolated in proportion to the share of the solver's clock that it reached. This is a lower bound, because "
-        "the costly snaps of the ramp lie beyond.",
+        "All rows are the same case on `preview` (`config/levers`, `config/stock`). The deck `paper` was stopped by a time "
+        "limit. Its CPU time is extrapolated in proportion to the share of the solver's clock that it reached. This is a lower "
+        "bound, because the costly snaps of the ramp lie beyond.",
         markdown_table(_builds(rows)),
         "## How far seconds are to be trusted",
         "CPU seconds depend on what else runs on the machine, so compare them within a batch only. These runs were measured in "
@@ -216,6 +217,8 @@ def _grids(rows: pd.DataFrame) -> pd.DataFrame:
                 "batch": batch,
                 "engine": _one(cases.engine),
                 "build": _one(cases.build),
+                "level": _one(cases.level),
+                "machine": _one(cases.machine),
                 "elements": f"{cases.elements.min()}-{cases.elements.max()}",
                 "cases": len(cases),
                 "converged": int((cases.status == "converged").sum()),
