@@ -75,12 +75,12 @@ def _explain(model: type[Section], error: ValidationError, path: Path) -> Config
         value = "{" + ", ".join(map(str, value))[:500] + "}"
     if first["type"] == "extra_forbidden":
         known = ", ".join(sorted(getattr(owner or model, "model_fields", {})))
-        return ConfigError(path, key, value, f"no such key; known here: {known}", "see config/README.md")
+        return ConfigError(path, key, value, f"no such key; known here: {known}", "see docs/configuration.md")
     message = first["msg"].removeprefix("Value error, ").removeprefix("Input should be ")
     if first["type"] == "missing":
         message, value = "a value (the key is missing)", None
     if field is None or not field.examples:
-        return ConfigError(path, key, value, message, "see config/README.md")
+        return ConfigError(path, key, value, message, "see docs/configuration.md")
     expected = f"{message} ({field.description})" if field.description else message
     return ConfigError(path, key, value, expected, f"{name}: {json.dumps(field.examples[0])}")
 

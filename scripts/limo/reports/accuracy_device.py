@@ -108,7 +108,7 @@ def _presets(rows: pd.DataFrame | None, presets: dict[str, Preset], device: str 
         }
         line |= {"memory [MiB]": NOT_MEASURED if own is None else f"{own.memory_mib:.0f}"}
         for label in ("volumes", "stroke", "stress"):
-            line[f"error of {label}"] = NOT_MEASURED if own is None else _error(own, _COLUMNS[label], rows)
+            line[f"error of {label}"] = NOT_MEASURED if own is None else error_text(own, _COLUMNS[label], rows)
         table.append(line)
     return pd.DataFrame(table)
 
@@ -126,7 +126,7 @@ def _settings(rows: pd.DataFrame) -> pd.DataFrame:
             "status": f"{row.status}: {row.reason}" if row.reason else row.status,
         }
         own = row._asdict()
-        line |= {label: _error(own, column, rows if row.kind == "run" else None) for label, column in _COLUMNS.items()}
+        line |= {label: error_text(own, column, rows if row.kind == "run" else None) for label, column in _COLUMNS.items()}
         line["cycles [decades]"] = number(own["error_cycles"], 2)
         line["dissipated"] = percent(row.dissipated_fraction)
         line["CPU [s]"] = number(row.cpu_seconds, 0)
@@ -241,8 +241,8 @@ def _preview(rows: pd.DataFrame) -> list[str]:
     if own is None:
         return [NOT_MEASURED]
     return [
-        f"{own.cpu_seconds:.0f} s of CPU time and {own.memory_mib:.0f} MiB; volumes {_error(own, 'error_volumes', rows)}, stroke "
-        f"{_error(own, 'error_stroke', rows)}, stress {_error(own, 'error_stress', rows)}"
+        f"{own.cpu_seconds:.0f} s of CPU time and {own.memory_mib:.0f} MiB; volumes {error_text(own, 'error_volumes', rows)}, "
+        f"stroke {error_text(own, 'error_stroke', rows)}, stress {error_text(own, 'error_stress', rows)}"
     ]
 
 
@@ -272,7 +272,7 @@ def _shells(dataset: xr.Dataset, rows: pd.DataFrame) -> list[str]:
     usable = rows[(rows.kind == "run") & (rows.branch == 0) & rows.status.isin(USABLE)]
     for _, run in usable[usable.varied.isin(["element", "level, element"])].iterrows():
         if (base := _first(settings, level=run.level, symmetry=run.symmetry, element="C3D20R", engine=run.engine)) is not None:
-            off = " and ".join(_error(row, "error_stroke", rows) for row in (run, base))
+            off = " and ".join(error_text(row, "error_stroke", rows) for row in (run, base))
             lines.append(
                 f"{run.element} against C3D20R on `{run.level}` with {run.engine}: {_compared(dataset, run, base)}. Their "
                 f"strokes are off the reference by {off}" + f"; {run.element} is {run.status}" * (run.status != "converged")
@@ -314,7 +314,7 @@ def _mesh(rows: pd.DataFrame) -> list[str]:
     named = f", preset `{best.preset}`," if best.preset else ""
     return [
         f"`{best.level}` with {best.engine}{named} for {best.cpu_seconds:.0f} s is the cheapest with {wanted}. Its stress is "
-        f"off by {_error(best, 'error_stress', rows)}. {meant}"
+        f"off by {error_text(best, 'error_stress', rows)}. {meant}"
     ]
 
 
@@ -329,7 +329,7 @@ def _paper(rows: pd.DataFrame) -> list[str]:
     if own is not None and (verdicts := _within_paper(own, rows)):
         lines.append(
             f"The paper's element at its own density (full integration, `paper`): {verdicts}. Its volumes are off by "
-            f"{_error(own, 'error_volumes', rows)} and its stroke by {_error(own, 'error_stroke', rows)}"
+            f"{error_text(own, 'error_volumes', rows)} and its stroke by {error_text(own, 'error_stroke', rows)}"
         )
     best = settings[settings.error_volumes <= PAPER_HEIGHT].sort_values("cpu_seconds")
     if lines and len(best):
@@ -343,7 +343,7 @@ def _within_paper(run: pd.Series, rows: pd.DataFrame) -> str:
     """Whether a run is as near to the finest mesh as the paper says of its own."""
     asked = (("error_height", PAPER_HEIGHT, "largest w"), ("error_chamfer", PAPER_CHAMFER, "d_c / L"))
     return ", ".join(
-        f"{label} {_error(run, column, rows)} (at most {percent(bound)}, {'met' if run[column] <= bound else '**not met**'})"
+        f"{label} {error_text(run, column, rows)} (at most {percent(bound)}, {'met' if run[column] <= bound else '**not met**'})"
         for column, bound, label in asked
         if np.isfinite(run[column])
     )
@@ -417,7 +417,7 @@ def _first(rows: pd.DataFrame, **wanted: str) -> pd.Series | None:
     return rows.iloc[0] if len(rows) else None
 
 
-def _error(row: pd.Series | dict, column: str, rows: pd.DataFrame | None) -> str:
+def error_text(row: pd.Series | dict, column: str, rows: pd.DataFrame | None) -> str:
     """An error as text, marked where it is within the scatter on the finest mesh."""
     value = row[column]
     if not np.isfinite(value):

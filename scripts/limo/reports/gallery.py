@@ -145,7 +145,7 @@ def draw(loaded: Loaded, studies: Iterable[str], gallery: Path, results: Path | 
     if not named and (gallery / "data" / MATERIAL_KEPT).exists():
         add(MATERIAL_FIGURE, tensile_test.draw(_read(gallery / "data" / MATERIAL_KEPT)))
     page = gallery / PAGE
-    write_whole(page, lambda path: path.write_text(_page(loaded, gallery), encoding="utf-8"))
+    write_whole(page, lambda path: path.write_text(page_of(loaded, gallery), encoding="utf-8"))
     return [*files, page]
 
 
@@ -221,7 +221,8 @@ def _read(file: Path) -> xr.Dataset:
         raise LimoError(f"{file}: not a dataset of the gallery ({error}); {_EXAMPLE} makes it") from None
 
 
-def _page(loaded: Loaded, gallery: Path) -> str:
+def page_of(loaded: Loaded, gallery: Path) -> str:
+    """The page of a gallery or of a set of it, from its data."""
     names = _kept(loaded, gallery)
     rows, sections, distinct = [], [], {}
     for name in names:

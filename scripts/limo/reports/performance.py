@@ -131,7 +131,7 @@ CASE = ["n_pouches", "ventricular_pressure", "aspect_ratio", "stiffness_ratio"]
 
 def report(rows: pd.DataFrame, overhead: pd.DataFrame) -> str:
     """docs/performance.md from raw measurements and what ``limo.reports.overhead`` measured; what was not measured says so."""
-    rows = rows.assign(iterations=rows[[c for c in rows if c.startswith("iterations_")]].sum(axis=1))
+    rows = with_iterations(rows)
     machines = ", ".join(sorted(rows.machine.dropna().unique()))
     parts = [
         "# What it costs",
@@ -144,7 +144,8 @@ def report(rows: pd.DataFrame, overhead: pd.DataFrame) -> str:
         "A grid has the 19 cases of `afterload`, `valve_support` and `compliance`. On two cores the longest cases start first.",
         markdown_table(_grids(rows)),
         "## The engines against each other",
-        "Both engines solve the same cases on the same meshes. Strokes are in ml at P_a,max, volumes at rest in ml, CPU in s.",
+        "Both engines solve the same cases on the same meshes, level `preview`. Strokes are in ml at P_a,max, volumes at rest in "
+        "ml, CPU in s.",
         markdown_table(_engines(rows)),
         "## One change at a time",
         "The case is N_p = 10 at P_v = 3.8 kPa on `preview` (`config/levers`). Each change is compared with the first line of "
@@ -152,12 +153,58 @@ def report(rows: pd.DataFrame, overhead: pd.DataFrame) -> str:
         f"{HARMLESS:.0%} and dissipate at most {DISSIPATES:g} times as much.",
         markdown_table(_levers(rows)),
         "## Builds, and the deck of the paper",
-        "All rows are the same case (`config/levers`, `config/stock`). The deck `paper` was stopped by a time limit. Its CPU "
-        "time is extrapolated in proportion to the share of the solver's clock that it reached. This is a lower bound, because "
-        "the costly snaps of the ramp lie beyond.",
+        "All rows are the same case on `preview` (`config/levers`, `config/stock`). The deck `paper` was stopped by a time "
+        "limit. Its CPU time is extrapolated in proportion to the share of the solver's clock that it reached. This is a lower "
+        "bound, because the costly snaps of the ramp lie beyond.",
         markdown_table(_builds(rows)),
+        "## How far seconds are to be trusted",
+        "CPU seconds depend on what else runs on the machine, so compare them within a batch only. These runs were measured in "
+        "several batches, with the same iterations and results. Where the wall time exceeds the CPU time, other work shared the "
+        "cores.",
+        markdown_table(_same_runs(rows)),
     ]
     return "\n\n".join(parts) + "\n"
+
+
+def with_iterations(rows: pd.DataFrame) -> pd.DataFrame:
+    """The rows with ``iterations`` of all stages together."""
+    return rows.assign(iterations=rows[[c for c in rows if c.startswith("iterations_")]].sum(axis=1))
+
+
+def repeated(rows: pd.DataFrame) -> list[pd.DataFrame]:
+    """Rows of one run that was measured in several batches, one table a run; rows from ``with_iterations``.
+
+    Runs are the same if case, engine, build and mesh are, and so are iterations and stroke. A solve that several batches share
+    was measured once.
+    """
+    keys = [*CASE, "engine", "build", "level", "symmetry", "iterations", "stroke"]
+    groups = rows[rows.status == "converged"].drop_duplicates([*keys, "cpu_seconds"]).groupby(keys, sort=False)
+    return [of for _, of in groups if of.batch.nunique() > 1]
+
+
+def slowest(rows: pd.DataFrame) -> float:
+    """Largest ratio of the CPU times of one run in several batches; rows from ``with_iterations``, NaN without such runs."""
+    return max((of.cpu_seconds.max() / of.cpu_seconds.min() for of in repeated(rows)), default=float("nan"))
+
+
+def _same_runs(rows: pd.DataFrame) -> pd.DataFrame:
+    """A line a batch of every run that was measured in several."""
+    return pd.DataFrame(
+        {
+            "N_p": row.n_pouches,
+            "P_v": row.ventricular_pressure,
+            "engine": row.engine,
+            "build": row.build,
+            "level": row.level,
+            "iterations": int(row.iterations),
+            "batch": row.batch,
+            "machine": row.machine,
+            "CPU [s]": round(row.cpu_seconds),
+            "wall [s]": round(row.wall_seconds),
+        }
+        for of in repeated(rows)
+        for row in of.itertuples()
+    )
 
 
 def _grids(rows: pd.DataFrame) -> pd.DataFrame:
@@ -170,6 +217,8 @@ def _grids(rows: pd.DataFrame) -> pd.DataFrame:
                 "batch": batch,
                 "engine": _one(cases.engine),
                 "build": _one(cases.build),
+                "level": _one(cases.level),
+                "machine": _one(cases.machine),
                 "elements": f"{cases.elements.min()}-{cases.elements.max()}",
                 "cases": len(cases),
                 "converged": int((cases.status == "converged").sum()),

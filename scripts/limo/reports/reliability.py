@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
 from limo.errors import ResultError
+from limo.reports import blocks
 from limo.reports.markdown import markdown_table
 from limo.solve.judge import THINNEST
 
@@ -169,15 +170,8 @@ TABLES: dict[str, Callable[[Path], str]] = {
 
 
 def renewed(text: str, data: Path) -> str:
-    """A document whose tables, each between ``<!-- begin NAME -->`` and ``<!-- end NAME -->``, are made anew."""
-
-    def table(match: re.Match[str]) -> str:
-        name = match.group(1)
-        if name not in TABLES:
-            raise ResultError(f"no table is called {name}; there are {', '.join(TABLES)}")
-        return f"<!-- begin {name} -->\n{TABLES[name](data)}\n<!-- end {name} -->"
-
-    return re.sub(r"<!-- begin (\w+) -->\n.*?<!-- end \1 -->", table, text, flags=re.DOTALL)
+    """A document with its tables made anew from the files in ``data``. Raises ``ResultError``."""
+    return blocks.renewed(text, {name: partial(make, data) for name, make in TABLES.items()})
 
 
 def draw_band(data: Path, file: Path) -> None:

@@ -240,6 +240,10 @@ def make_parser() -> argparse.ArgumentParser:
         )
         _config(made)
         _results(made)
+    says = "write what is generated in the documents and needs no solver: README, references, reports"
+    with command(_docs, "docs", says, "", "README.md docs/configuration.md", "--check") as made:
+        made.add_argument("documents", nargs="*", type=Path, metavar="FILE", help="which documents (default: all)")
+        made.add_argument("--check", action="store_true", help="write nothing; exit code 1 if a document is not up to date")
     says = "delete what no study uses and what killed solvers left; without --yes only say what and how much that is"
     with command(
         _clean, "clean", says, "", "leftovers --yes", "cases --config config/config.yaml config/levers/config.yaml"
@@ -450,6 +454,16 @@ def _accuracy(chosen: argparse.Namespace) -> None:
         print(*add_to(chosen.errors, chosen.results, chosen.config), sep="\n")
     else:
         print(report(chosen.table, chosen.errors, chosen.config), end="")
+
+
+def _docs(chosen: argparse.Namespace) -> None:
+    from limo.reports.documents import stale, write_documents
+
+    names = [document.as_posix() for document in chosen.documents]
+    if not chosen.check:
+        print("\n".join(write_documents(Path(), names)) or "all documents are up to date")
+    elif found := stale(Path(), names):
+        raise LimoError(f"not up to date: {', '.join(found)}; limo docs writes them")
 
 
 def _clean(chosen: argparse.Namespace) -> None:

@@ -14,7 +14,7 @@ from limo.store.files import write_whole
 
 TEMPLATE = """\
 # {name}: every combination of the axes is a case. A line that begins with # is a comment; remove the # of a key to use it.
-# All keys, units and ranges: config/README.md.
+# All keys, units and ranges: docs/configuration.md.
 description: what this study is to show
 device: {device} # a file in config/devices: {devices}
 

@@ -155,7 +155,7 @@ def test_the_pages_are_those_of_the_data_and_count_shared_cases_once(root, part,
     monkeypatch.chdir(root)
     folder = root / "docs/gallery" / part
     loaded = load_config(f"config/{part or 'config'}.yaml")
-    assert (page := gallery._page(loaded, folder)) == (folder / gallery.PAGE).read_text()
+    assert (page := gallery.page_of(loaded, folder)) == (folder / gallery.PAGE).read_text()
     assert f"Together {cases} distinct cases, " in page
 
 

@@ -1,8 +1,6 @@
-"""Tables and numbers of documents and of the terminal, and that documents are those of their tables."""
+"""Tables and numbers of documents and of the terminal."""
 
 from __future__ import annotations
-
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -10,9 +8,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from limo.reports.markdown import markdown_table, number, percent, shown, signed_percent, text_table
-from limo.reports.overhead import read_overhead
-from limo.reports.paper_check import write_check
-from limo.reports.performance import read_measurements, report
 
 
 def test_cells_stand_as_they_are_without_padding():
@@ -54,17 +49,3 @@ def test_what_is_not_known_is_a_dash():
         "-100.0%",
     )
     assert (percent(0.25), percent(0.0025)) == ("25.0%", "0.25%")
-
-
-def test_the_report_of_costs_is_that_of_the_kept_table(root):
-    data = root / "docs/data"
-    made = report(read_measurements(data / "performance.csv"), read_overhead(data / "overhead.csv"))
-    assert (root / "docs/performance.md").read_text(encoding="utf-8") == made, "limo performance report > docs/performance.md"
-
-
-def test_the_check_of_the_paper_is_that_of_the_kept_datasets(root, tmp_path, monkeypatch):
-    monkeypatch.chdir(root)
-    gallery = Path("docs/gallery")
-    write_check(gallery / "standard/data", tmp_path / "paper_check.csv", tmp_path / "paper_check.md", gallery / "data")
-    for name in ("paper_check.csv", "paper_check.md"):
-        assert (tmp_path / name).read_text() == (root / "docs" / name).read_text(), "see make standard"

@@ -16,7 +16,7 @@ from limo.terminal.completion import script
 
 COMMANDS = (
     "check", "new-study", "pattern", "status", "sweep", "show", "compare", "table", "benchmark", "performance", "clean",
-    "completion", "paper-check", "gallery", "page", "accuracy", "reliability", "import-pattern",
+    "completion", "paper-check", "gallery", "page", "accuracy", "reliability", "import-pattern", "docs",
 )  # fmt: skip
 
 
