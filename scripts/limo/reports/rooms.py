@@ -20,7 +20,7 @@ PACKAGE = Path("scripts/limo")
 #: rooms, ground first: a room imports only from rooms before it
 ORDER = (
     *("errors", "door", "schema", "store", "geometry", "config", "mesh", "cases", "mechanics", "engines", "measure", "solve"),
-    *("datasets", "airbag", "accuracy", "reliability", "figures", "page", "reports", "terminal"),
+    *("datasets", "airbag", "accuracy", "reliability", "figures", "drawings", "page", "reports", "terminal"),
 )
 
 

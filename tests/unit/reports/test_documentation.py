@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from limo.terminal.cli import _split, make_parser
+from limo.terminal.cli import make_parser, split
 
 ROOT = Path(__file__).parents[3]
 
@@ -29,7 +29,7 @@ def commands() -> list[str]:
 
 @pytest.mark.parametrize("line", commands())
 def test_documented_commands_are_understood(line):
-    own, _ = _split(shlex.split(line.split(">")[0])[1:])
+    own, _ = split(shlex.split(line.split(">")[0])[1:])
     assert make_parser().parse_args(own).command
 
 

@@ -11,7 +11,7 @@ import pytest
 
 from limo.cases.grid import study_cases
 from limo.config.load import RULES, load_config
-from limo.terminal.cli import _split, main, make_parser
+from limo.terminal.cli import main, make_parser, split
 from limo.terminal.completion import script
 
 COMMANDS = (
@@ -51,7 +51,7 @@ def test_the_help_of_every_command_has_examples_that_parse(name):
         words = subprocess.run(
             ["bash", "-c", f"printf '%s\\n' {example.split('>')[0]}"], capture_output=True, text=True, check=True
         ).stdout.splitlines()[1:]
-        own, _ = _split(words)
+        own, _ = split(words)
         assert make_parser().parse_args(own).command == name
 
 
