@@ -75,8 +75,8 @@ def observed_order(divisions: np.ndarray, values: np.ndarray, limit: float) -> f
 
 def finest_limit(rows: pd.DataFrame, planes: str) -> float:
     """Height (mm) of the bricks of engine newton on the finest mesh with these planes; of several paths the highest."""
-    own = (rows.element == TRUSTED[0]) & (rows.engine == TRUSTED[1]) & (rows.planes == planes)
-    best = rows[own & (rows.status == "converged")]
+    selected = (rows.element == TRUSTED[0]) & (rows.engine == TRUSTED[1]) & (rows.planes == planes)
+    best = rows[selected & (rows.status == "converged")]
     return float(best[best.divisions == best.divisions.max()].height.max()) if len(best) else float("nan")
 
 
@@ -92,8 +92,8 @@ def published_densities(airbag: Airbag) -> list[int]:
 
 def published_draw_in(airbag: Airbag) -> float:
     """Mean of the published draw-ins (mm) of the middle of an edge; NaN of none."""
-    found = [r.value for r in airbag.references if r.quantity == "edge_draw_in"]
-    return float(np.mean(found)) if found else float("nan")
+    collected = [r.value for r in airbag.references if r.quantity == "edge_draw_in"]
+    return float(np.mean(collected)) if collected else float("nan")
 
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -117,7 +117,7 @@ def airbag_report(rows: pd.DataFrame, airbags: Mapping[str, Airbag], pictures: M
         "A sheet has many wrinkled equilibrium states. On one mesh their heights differ by some percent, so compare the paths of "
         "the same bricks. An error or an order below that scatter is not significant.",
     ]
-    for name, of in rows.groupby("airbag", sort=False):
+    for name, group in rows.groupby("airbag", sort=False):
         if name not in airbags:
             raise ResultError(
                 f"a table has rows of {name}, which is no airbag of the configuration: `snakemake accuracy` renews it"
@@ -126,7 +126,7 @@ def airbag_report(rows: pd.DataFrame, airbags: Mapping[str, Airbag], pictures: M
         parts.append(f"### `{name}`: {airbag.description}")
         height = published_height(airbag)
         if np.isfinite(height):
-            off, sizes = _off_published(of, airbag), " and ".join(map(str, published_densities(airbag)))
+            off, sizes = _off_published(group, airbag), " and ".join(map(str, published_densities(airbag)))
             density = f"meshes with as many elements as published ones (n = {sizes}) and " if sizes else ""
             parts += [
                 f"Published values (`config/airbags/{name}.yaml`) are w_M = {number(height)} mm and u_B = "
@@ -135,17 +135,17 @@ def airbag_report(rows: pd.DataFrame, airbags: Mapping[str, Airbag], pictures: M
                 "centre rises. `lowest` marks the path with the least potential energy Pi among equal bricks on equal planes.",
                 markdown_table(_against_published(off, airbag)),
                 _within_both(off, airbag),
-                *_by_the_other_engine(of),
+                *_by_the_other_engine(group),
             ]
-        planes = sorted(of.planes.unique())
-        limits = ", ".join(f"{number(finest_limit(of, p))} mm with {p} planes" for p in planes)
+        planes = sorted(group.planes.unique())
+        limits = ", ".join(f"{number(finest_limit(group, p))} mm with {p} planes" for p in planes)
         parts += [
             f"Convergence towards w_M of newton's bricks on their finest mesh ({limits}):",
-            markdown_table(_convergence(of)),
-            _locking(of),
+            markdown_table(_convergence(group)),
+            _locking(group),
             *pictures.get(name, ()),
             "Every run:",
-            markdown_table(_runs(of, height)),
+            markdown_table(_runs(group, height)),
         ]
     return "\n\n".join(filter(None, parts))
 
@@ -163,9 +163,9 @@ def _within_both(off: pd.DataFrame, airbag: Airbag) -> str:
     near = off.divisions.isin(published_densities(airbag))
     for key in ("height", "edge_draw_in"):
         near &= off[f"off_{key}"].abs() <= WITHIN[key]
-    found = [f"{row.series} at n = {row.divisions}" for row in off[near].itertuples()]
+    collected = [f"{row.series} at n = {row.divisions}" for row in off[near].itertuples()]
     never = [element for element in ASKED if element not in set(off[near].element)]
-    listed = "\n" + "".join(f"\n- {run}" for run in found) if found else " none."
+    listed = "\n" + "".join(f"\n- {run}" for run in collected) if collected else " none."
     return f"Within both bounds on meshes of published density:{listed}" + (
         f"\n\nNever within both there: {', '.join(never)}." * bool(never)
     )
@@ -173,7 +173,7 @@ def _within_both(off: pd.DataFrame, airbag: Airbag) -> str:
 
 def _by_the_other_engine(rows: pd.DataFrame) -> list[str]:
     """How far CalculiX's shells are from the bricks it makes of them, written out and solved by newton along the same path."""
-    good, said = rows[rows.status == "converged"], []
+    good, sentences = rows[rows.status == "converged"], []
     for shell, brick in EXPANDED.items():
         shells = good[good.element == shell]
         bricks = good[(good.element == brick) & (good.engine == "newton") & (good.planes == "hinged")]
@@ -181,37 +181,39 @@ def _by_the_other_engine(rows: pd.DataFrame) -> list[str]:
         if len(both):
             apart = (both.height / both.height_brick - 1).abs()
             finest = bricks.loc[bricks.divisions.idxmax()]
-            said.append(
+            sentences.append(
                 f"CalculiX makes {brick} of {shell}. The same bricks written out and solved by newton end within "
                 f"{apart.median():.1%} of its height (median of {len(both)} meshes, at most {apart.max():.1%}). "
                 f"At n = {finest.divisions} they end at {number(finest.height)} mm."
             )
-    return said
+    return sentences
 
 
 def _locking(rows: pd.DataFrame) -> str:
     """Whether the elements that the paper finds to lock or to fail do, by their finest mesh."""
-    said = []
+    sentences = []
     for element in LOCKING:
-        own = rows[rows.element == element]
-        good = own[own.status == "converged"].sort_values("divisions")
-        if own.empty:
+        selected = rows[rows.element == element]
+        good = selected[selected.status == "converged"].sort_values("divisions")
+        if selected.empty:
             continue
         if good.empty:
-            said.append(f"{element} fails on all of {len(own)} meshes")
+            sentences.append(f"{element} fails on all of {len(selected)} meshes")
             continue
         off = good.height.iloc[-1] / finest_limit(rows, good.planes.iloc[-1]) - 1
         verdict = "locks or fails" if abs(off) > LOCKED else "does not"
-        said.append(f"{element} {verdict}: on its finest mesh (n = {good.divisions.iloc[-1]}) it is {signed_percent(off)} off")
-    return f"The paper finds that S3 and S4R lock or fail. Here {'. '.join(said)}." if said else ""
+        sentences.append(
+            f"{element} {verdict}: on its finest mesh (n = {good.divisions.iloc[-1]}) it is {signed_percent(off)} off"
+        )
+    return f"The paper finds that S3 and S4R lock or fail. Here {'. '.join(sentences)}." if sentences else ""
 
 
 def _against_published(off: pd.DataFrame, airbag: Airbag) -> pd.DataFrame:
     """The asked elements: a line for each published density, and one for the finest mesh."""
     lowest = off.groupby(["element", "planes", "divisions"]).potential_energy.transform("min")
     good, table = off.assign(lowest=off.potential_energy <= lowest + LEVEL), []
-    for series, of in good.groupby("series", sort=False):
-        for _, row in of[of.divisions.isin([*published_densities(airbag), of.divisions.max()])].iterrows():
+    for series, group in good.groupby("series", sort=False):
+        for _, row in group[group.divisions.isin([*published_densities(airbag), group.divisions.max()])].iterrows():
             verdicts = {}
             for name, key in (("w_M", "height"), ("u_B", "edge_draw_in"), ("u_B smooth", "edge_draw_in_smooth")):
                 error, most = row[f"off_{key}"], WITHIN[key]
@@ -225,20 +227,20 @@ def _against_published(off: pd.DataFrame, airbag: Airbag) -> pd.DataFrame:
 def _convergence(rows: pd.DataFrame) -> pd.DataFrame:
     """One line a series: its finest mesh against the limit of bricks on equal planes, and the observed order."""
     table = []
-    for series, of in rows.groupby("series", sort=False):
-        good = of[of.status == "converged"].sort_values("divisions")
-        limit = finest_limit(rows, of.planes.iloc[0])
+    for series, group in rows.groupby("series", sort=False):
+        good = group[group.status == "converged"].sort_values("divisions")
+        limit = finest_limit(rows, group.planes.iloc[0])
         finest = good.iloc[-1] if len(good) else pd.Series({"divisions": "-", "height": np.nan})
         table.append(
             {
                 "series": series,
-                "planes": of.planes.iloc[0],
-                "converged": f"{len(good)} of {len(of)}",
+                "planes": group.planes.iloc[0],
+                "converged": f"{len(good)} of {len(group)}",
                 "finest n": finest.divisions,
                 "w_M [mm]": number(finest.height),
                 "off the limit": signed_percent(finest.height / limit - 1),
                 "order of w_M": number(observed_order(good.divisions, good.height, limit)),
-                "CPU of all [s]": round(of.cpu_seconds.sum()),
+                "CPU of all [s]": round(group.cpu_seconds.sum()),
             }
         )
     return pd.DataFrame(table)

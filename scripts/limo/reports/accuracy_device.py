@@ -99,16 +99,16 @@ def _presets(rows: pd.DataFrame | None, presets: dict[str, Preset], device: str 
     """A line a preset: what it is, what it costs and how wrong it is."""
     table = []
     for name, preset in presets.items():
-        own = None if rows is None else _first(settings_of(rows), preset=name)
+        selected = None if rows is None else _first(settings_of(rows), preset=name)
         line = {"device": device, "preset": name, "level": preset.mesh.level, "symmetry": preset.mesh.symmetry}
         line |= {
             "engine": preset.engine,
             "solutions": preset.branches,
-            "CPU of one [s]": NOT_MEASURED if own is None else f"{own.cpu_seconds:.0f}",
+            "CPU of one [s]": NOT_MEASURED if selected is None else f"{selected.cpu_seconds:.0f}",
         }
-        line |= {"memory [MiB]": NOT_MEASURED if own is None else f"{own.memory_mib:.0f}"}
+        line |= {"memory [MiB]": NOT_MEASURED if selected is None else f"{selected.memory_mib:.0f}"}
         for label in ("volumes", "stroke", "stress"):
-            line[f"error of {label}"] = NOT_MEASURED if own is None else error_text(own, _COLUMNS[label], rows)
+            line[f"error of {label}"] = NOT_MEASURED if selected is None else error_text(selected, _COLUMNS[label], rows)
         table.append(line)
     return pd.DataFrame(table)
 
@@ -125,9 +125,9 @@ def _settings(rows: pd.DataFrame) -> pd.DataFrame:
             "dof": f"{row.degrees_of_freedom:.0f}",
             "status": f"{row.status}: {row.reason}" if row.reason else row.status,
         }
-        own = row._asdict()
-        line |= {label: error_text(own, column, rows if row.kind == "run" else None) for label, column in _COLUMNS.items()}
-        line["cycles [decades]"] = number(own["error_cycles"], 2)
+        selected = row._asdict()
+        line |= {label: error_text(selected, column, rows if row.kind == "run" else None) for label, column in _COLUMNS.items()}
+        line["cycles [decades]"] = number(selected["error_cycles"], 2)
         line["dissipated"] = percent(row.dissipated_fraction)
         line["CPU [s]"] = number(row.cpu_seconds, 0)
         line["timed"] = number(row.timed, 0)
@@ -140,15 +140,15 @@ def _settings(rows: pd.DataFrame) -> pd.DataFrame:
 def _scaling(rows: pd.DataFrame, sizes: pd.DataFrame) -> pd.DataFrame:
     """Exponents over the displacements that are solved for, the largest model that was tried, and what fits into the machine."""
     table = []
-    for engine, of in scaling_of(rows).groupby("engine", sort=False):
-        size, models = of.solved_degrees_of_freedom, models_of(of, sizes).sort_values("displacements")
+    for engine, group in scaling_of(rows).groupby("engine", sort=False):
+        size, models = group.solved_degrees_of_freedom, models_of(group, sizes).sort_values("displacements")
         largest = models.iloc[-1]
         table.append(
             {
                 "engine": engine,
-                "runs": len(of),
+                "runs": len(group),
                 "displacements": f"{size.min():.0f} to {size.max():.0f}",
-                "exponent of CPU time": number(exponent(size, of.cpu_seconds)[0], 2),
+                "exponent of CPU time": number(exponent(size, group.cpu_seconds)[0], 2),
                 "of an iteration": number(exponent(models.displacements, models.seconds_per_iteration)[0], 2),
                 "of memory": number(exponent(models.displacements, models.memory_mib)[0], 2),
                 "largest model": number(largest.displacements, 0),
@@ -218,31 +218,34 @@ def _answers_of(dataset: xr.Dataset, rows: pd.DataFrame) -> dict[str, list[str]]
 
 def differences(dataset: xr.Dataset, run: int, other: int) -> dict[str, float]:
     """How far a row is from another: relative L2 of the curves over the ramp, and relative differences of values; signed."""
-    found = {}
+    collected = {}
     for name in CURVES:
-        own, theirs = dataset[name].values[[run, other]].astype(float)
+        selected, theirs = dataset[name].values[[run, other]].astype(float)
         known = np.isfinite(theirs)
-        found[name] = float(np.linalg.norm((own - theirs)[known]) / np.linalg.norm(theirs[known])) if known.any() else np.nan
+        collected[name] = (
+            float(np.linalg.norm((selected - theirs)[known]) / np.linalg.norm(theirs[known])) if known.any() else np.nan
+        )
     for name in ("stroke", "stress", "height", "cpu_seconds"):
-        own, theirs = dataset[name].values[[run, other]].astype(float)
-        found[name] = float(own / theirs - 1.0)
-    return found | {"volumes": max(found[name] for name in CURVES)}
+        selected, theirs = dataset[name].values[[run, other]].astype(float)
+        collected[name] = float(selected / theirs - 1.0)
+    return collected | {"volumes": max(collected[name] for name in CURVES)}
 
 
 def _compared(dataset: xr.Dataset, run: pd.Series, other: pd.Series) -> str:
-    found = differences(dataset, run.name, other.name)
-    stroke, stress = signed_percent(found["stroke"]), signed_percent(found["stress"])
-    times = f", CPU time {number(1 + found['cpu_seconds'], 2)} times" if run.machine == other.machine else ""
-    return f"volumes {percent(found['volumes'])}, stroke {stroke}, stress {stress}{times}"
+    collected = differences(dataset, run.name, other.name)
+    stroke, stress = signed_percent(collected["stroke"]), signed_percent(collected["stress"])
+    times = f", CPU time {number(1 + collected['cpu_seconds'], 2)} times" if run.machine == other.machine else ""
+    return f"volumes {percent(collected['volumes'])}, stroke {stroke}, stress {stress}{times}"
 
 
 def _preview(rows: pd.DataFrame) -> list[str]:
-    own = _first(settings_of(rows), preset="preview")
-    if own is None:
+    selected = _first(settings_of(rows), preset="preview")
+    if selected is None:
         return [NOT_MEASURED]
     return [
-        f"{own.cpu_seconds:.0f} s of CPU time and {own.memory_mib:.0f} MiB; volumes {error_text(own, 'error_volumes', rows)}, "
-        f"stroke {error_text(own, 'error_stroke', rows)}, stress {error_text(own, 'error_stress', rows)}"
+        f"{selected.cpu_seconds:.0f} s of CPU time and {selected.memory_mib:.0f} MiB; "
+        f"volumes {error_text(selected, 'error_volumes', rows)}, stroke {error_text(selected, 'error_stroke', rows)}, "
+        f"stress {error_text(selected, 'error_stress', rows)}"
     ]
 
 
@@ -286,10 +289,10 @@ def _damping(dataset: xr.Dataset, rows: pd.DataFrame) -> list[str]:
     for _, run in settings[settings.change.str.contains("damping")].iterrows():
         if (base := _first(settings, varied="", engine=run.engine)) is None:
             continue
-        found = differences(dataset, run.name, base.name)
+        collected = differences(dataset, run.name, base.name)
         verdict = ""
         if scatter is not None:
-            harmless = found["volumes"] <= scatter.error_volumes and abs(found["stress"]) <= scatter.error_stress
+            harmless = collected["volumes"] <= scatter.error_volumes and abs(collected["stress"]) <= scatter.error_stress
             verdict = " is harmless" if harmless else " is not harmless"
         lines.append(
             f"{run.change} 1/s{verdict}: {_compared(dataset, run, base)}, dissipated {percent(run.dissipated_fraction)} instead "
@@ -325,11 +328,11 @@ def _paper(rows: pd.DataFrame) -> list[str]:
         if verdicts := _within_paper(run, rows):
             lines.append(f"`{run.level}` against the finest mesh with {run.engine}: {verdicts}")
     usable = rows[(rows.kind == "run") & (rows.branch == 0) & rows.status.isin(USABLE)]
-    own = _first(usable[usable.varied == "level, element"], level="paper", element="C3D20")
-    if own is not None and (verdicts := _within_paper(own, rows)):
+    selected = _first(usable[usable.varied == "level, element"], level="paper", element="C3D20")
+    if selected is not None and (verdicts := _within_paper(selected, rows)):
         lines.append(
             f"The paper's element at its own density (full integration, `paper`): {verdicts}. Its volumes are off by "
-            f"{error_text(own, 'error_volumes', rows)} and its stroke by {error_text(own, 'error_stroke', rows)}"
+            f"{error_text(selected, 'error_volumes', rows)} and its stroke by {error_text(selected, 'error_stroke', rows)}"
         )
     best = settings[settings.error_volumes <= PAPER_HEIGHT].sort_values("cpu_seconds")
     if lines and len(best):
@@ -376,13 +379,15 @@ def _limit(rows: pd.DataFrame) -> list[str]:
     if coarser.empty:
         return [NOT_MEASURED]
     levels = pd.concat([coarser, mean.to_frame().T])
-    found = []
+    collected = []
     for name, unit in (("stroke", "ml"), ("stress", "MPa")):
         size, values = levels.degrees_of_freedom.to_numpy(float), levels[name].to_numpy(float)
         over = ", ".join(f"{number(v)} (`{level}`)" for v, level in zip(values, levels.level, strict=True))
         second, first = (signed_percent(richardson(size, values, order) / values[-1] - 1) for order in (2.0, 1.0))
-        found.append(f"{name} {over} {unit}; Richardson's extrapolation adds {second} (second order) to {first} (first order)")
-    return found
+        collected.append(
+            f"{name} {over} {unit}; Richardson's extrapolation adds {second} (second order) to {first} (first order)"
+        )
+    return collected
 
 
 def _engines(dataset: xr.Dataset, rows: pd.DataFrame) -> list[str]:

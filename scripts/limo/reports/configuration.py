@@ -54,20 +54,20 @@ def _tables(schema: Schema, before: set[str]) -> list[str]:
 
 def _sections(schema: Schema) -> list[str]:
     """The sections that a schema uses, each behind the first that uses it."""
-    sections, found = schema.get("$defs", {}), []
+    sections, collected = schema.get("$defs", {}), []
     left = [schema]
     while left:
         for name in _references({key: value for key, value in left.pop(0).items() if key != "$defs"}):
-            if name not in found:
-                found.append(name)
+            if name not in collected:
+                collected.append(name)
                 left.append(sections[name])
-    return found
+    return collected
 
 
 def _references(data: Any) -> list[str]:
     if isinstance(data, dict):
-        own = [data["$ref"].rpartition("/")[2]] if "$ref" in data else []
-        return own + [name for value in data.values() for name in _references(value)]
+        selected = [data["$ref"].rpartition("/")[2]] if "$ref" in data else []
+        return selected + [name for value in data.values() for name in _references(value)]
     return [name for value in data for name in _references(value)] if isinstance(data, list) else []
 
 
@@ -130,8 +130,8 @@ def _bound(value: float) -> str:
 
 def unit_of(schema: Schema, sections: Schema) -> str:
     """The units that the description of a number states, of one with its origin, too; nothing for what is no number."""
-    own = [sections[name]["properties"].get("value") for name in _references(schema)]
-    if not _has_numbers(schema) and not any(own):
+    selected = [sections[name]["properties"].get("value") for name in _references(schema)]
+    if not _has_numbers(schema) and not any(selected):
         return ""
     return ", ".join(dict.fromkeys(UNIT.findall(schema.get("description", "")))).replace("minutes", "min")
 
@@ -153,13 +153,13 @@ def _default(schema: Schema, sections: Schema) -> str:
 
 def _defaults(section: Schema, sections: Schema) -> Schema:
     """What a section is if nothing is said; incomplete for one with required keys."""
-    found = {}
+    collected = {}
     for key, value in section["properties"].items():
         if "default" in value:
-            found[key] = value["default"]
+            collected[key] = value["default"]
         elif "$ref" in value:
-            found[key] = _defaults(sections[value["$ref"].rpartition("/")[2]], sections)
-    return found
+            collected[key] = _defaults(sections[value["$ref"].rpartition("/")[2]], sections)
+    return collected
 
 
 def _words(schema: Schema) -> str:

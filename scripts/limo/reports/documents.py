@@ -76,22 +76,22 @@ def stale(root: Path, names: Iterable[str] = ()) -> dict[str, str]:
 
     Raises ``LimoError`` for a name that is no generated document, and for data that cannot be read.
     """
-    found = {}
+    collected = {}
     for name in list(names) or DOCUMENTS:
         if name not in DOCUMENTS:
             raise LimoError(f"{name}: no generated document; there are {', '.join(DOCUMENTS)}; for example limo docs README.md")
         text = DOCUMENTS[name](root)
         if not (root / name).exists() or _read(root / name) != text:
-            found[name] = text
-    return found
+            collected[name] = text
+    return collected
 
 
 def write_documents(root: Path, names: Iterable[str] = ()) -> list[str]:
     """Write the documents that are not up to date, and return their names. Raises as ``stale``."""
-    found = stale(root, names)
-    for name, text in found.items():
+    collected = stale(root, names)
+    for name, text in collected.items():
         write_whole(root / name, lambda path, text=text: path.write_text(text, encoding="utf-8"))
-    return list(found)
+    return list(collected)
 
 
 def _read(file: Path) -> str:

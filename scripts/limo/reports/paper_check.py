@@ -43,10 +43,10 @@ class Statement:
 
 def counted(checks: Iterable[bool], of: str) -> tuple[str, str]:
     """Verdict on a statement about many: all, at least half of them, or fewer; ``of`` names them."""
-    found = [bool(c) for c in checks]
-    share = sum(found) / len(found)
+    collected = [bool(c) for c in checks]
+    share = sum(collected) / len(collected)
     verdict = "reproduced" if share == 1 else "partly" if share >= 0.5 else "not"
-    return f"{sum(found)} of {len(found)} {of}", verdict
+    return f"{sum(collected)} of {len(collected)} {of}", verdict
 
 
 def graded(value: float, low: float, high: float, wider: float) -> str:
@@ -86,8 +86,10 @@ def onset_pressures(dataset: xr.Dataset) -> xr.DataArray:
     change, pressure = dataset.actuation_volume_change, dataset.actuation_pressure
     slope = (change.shift(actuation_pressure=-span) - change) / (pressure.shift(actuation_pressure=-span) - pressure)
     steepest = slope.fillna(-np.inf).argmax("actuation_pressure")
-    at = {"actuation_pressure": steepest}
-    return (pressure.isel(at) - change.isel(at) / slope.isel(at)).where(slope.notnull().any("actuation_pressure"))
+    position = {"actuation_pressure": steepest}
+    return (pressure.isel(position) - change.isel(position) / slope.isel(position)).where(
+        slope.notnull().any("actuation_pressure")
+    )
 
 
 def _peak(dataset: xr.Dataset) -> xr.DataArray:
@@ -117,8 +119,8 @@ def _onset(d: xr.Dataset) -> tuple[str, str]:
 
 def _sharp_rise(d: xr.Dataset) -> tuple[str, str]:
     low = d.sel(ventricular_pressure=3.8)
-    at = low.actuation_volume_change.interp(actuation_pressure=[3.8, 20.0, 60.0])
-    before, after = (at.isel(actuation_pressure=k + 1) - at.isel(actuation_pressure=k) for k in (0, 1))
+    position = low.actuation_volume_change.interp(actuation_pressure=[3.8, 20.0, 60.0])
+    before, after = (position.isel(actuation_pressure=k + 1) - position.isel(actuation_pressure=k) for k in (0, 1))
     times = (before / 16.2) / (after / 40.0)
     text, verdict = counted(_each(times >= 2.0), "devices rise at least twice as fast below 20 kPa as above")
     return f"{text}; {_range(_each(times))} times", verdict
@@ -202,9 +204,9 @@ def _orthogonal(d: xr.Dataset) -> tuple[str, str]:
 
 
 def _aligned(d: xr.Dataset) -> tuple[str, str]:
-    at, all_over = (d[n].sel(frame="max") for n in ("direction_between_at_seams", "direction_between"))
-    text, verdict = counted(_each(at < all_over), "devices with a smaller median angle near seams")
-    return f"{text}; {_range(_each(at), '{:.0f}')} degrees there", verdict
+    position, all_over = (d[n].sel(frame="max") for n in ("direction_between_at_seams", "direction_between"))
+    text, verdict = counted(_each(position < all_over), "devices with a smaller median angle near seams")
+    return f"{text}; {_range(_each(position), '{:.0f}')} degrees there", verdict
 
 
 def _valve_range(d: xr.Dataset) -> tuple[str, str]:
@@ -221,9 +223,9 @@ def _largest_at(name: str, dim: str, where: float, among: Sequence[float]) -> Ca
         values = values.squeeze(drop=True)
         if not values.notnull().all():
             return "cases are missing", "not"
-        found = float(values[dim][int(values.values.argmax())])
+        collected = float(values[dim][int(values.values.argmax())])
         listed = ", ".join(f"{k:g}: {v:.3g}" for k, v in zip(values[dim].values, values.values, strict=True))
-        return f"at {found:g} ({listed})", "reproduced" if found == where else "partly" if found in among else "not"
+        return f"at {collected:g} ({listed})", "reproduced" if collected == where else "partly" if collected in among else "not"
 
     return judge
 
@@ -262,8 +264,8 @@ def _hardly_changes(d: xr.Dataset) -> tuple[str, str]:
 
 def _distance(curve: xr.DataArray, other: xr.DataArray) -> float:
     """Relative L2 distance over the ramp of ``other``; NaN, which no band holds, where the curve ends before it."""
-    at = {"actuation_pressure": np.flatnonzero(other.notnull())}
-    return float(np.linalg.norm((curve - other).isel(at)) / np.linalg.norm(other.isel(at)))
+    position = {"actuation_pressure": np.flatnonzero(other.notnull())}
+    return float(np.linalg.norm((curve - other).isel(position)) / np.linalg.norm(other.isel(position)))
 
 
 def _rest_volume(d: xr.Dataset) -> tuple[str, str]:
@@ -343,15 +345,15 @@ def check(datasets: Mapping[str, xr.Dataset]) -> pd.DataFrame:
     """
     rows = []
     for statement in STATEMENTS:
-        found = [("-", "no data")]
+        collected = [("-", "no data")]
         if statement.study in datasets:
             dataset = datasets[statement.study]
             first, *others = [dataset.sel(branch=b) for b in dataset.branch] if "branch" in dataset.dims else [dataset]
             whole = [branch for branch in others if not (branch.case_status == "missing").any()]
-            found = [_judged(statement, branch) for branch in (first, *whole)]
+            collected = [_judged(statement, branch) for branch in (first, *whole)]
             if lacks := int((first.case_status == "missing").sum()):
-                found = [(f"{lacks} of {first.case_status.size} cases are not solved yet", "no data")]
-        ours, verdict = found[0]
+                collected = [(f"{lacks} of {first.case_status.size} cases are not solved yet", "no data")]
+        ours, verdict = collected[0]
         rows.append(
             {
                 "section": statement.section,
@@ -359,7 +361,7 @@ def check(datasets: Mapping[str, xr.Dataset]) -> pd.DataFrame:
                 "paper": statement.paper,
                 "ours": ours,
                 "verdict": verdict,
-                "branches": f"{sum(v == verdict for _, v in found)} of {len(found)}",
+                "branches": f"{sum(v == verdict for _, v in collected)} of {len(collected)}",
                 "study": statement.study,
                 "what is known": "" if verdict in ("reproduced", "no data") else statement.known,
             }
@@ -384,14 +386,14 @@ def on_grid(dataset: xr.Dataset) -> xr.Dataset:
 
 def read_studies(data: Path) -> dict[str, xr.Dataset]:
     """The datasets in a folder, ``<study>/study.nc`` or ``<study>.nc``, that statements need. Raises ``LimoError``."""
-    found = {}
+    collected = {}
     for name in dict.fromkeys(statement.study for statement in STATEMENTS):
         for file in (p for p in (data / f"{name}.nc", data / name / "study.nc") if p.exists()):
             try:
-                found[name] = xr.load_dataset(file)
+                collected[name] = xr.load_dataset(file)
             except (OSError, ValueError) as error:
                 raise LimoError(f"{file}: not a study's dataset ({error})") from None
-    return found
+    return collected
 
 
 def write_check(data: Path, table: Path, page: Path, beside: Path | None = None) -> str:
@@ -418,18 +420,18 @@ def compared(data: Path, beside: Path | None = None) -> pd.DataFrame:
 def page_of(rows: pd.DataFrame, data: Path, table: Path, beside: Path | None) -> str:
     """The page of documentation about a table."""
     counts, also = rows.verdict.value_counts(), f" --beside {beside}" if beside else ""
-    said = (
+    sentences = (
         f"Generated by `limo paper-check --data {data}{also}`; do not edit. The same table is in `{table.name}`. A "
         "statement about many cases is `reproduced` if it holds for all of them, and `partly` if it holds for at least half. A "
         "statement about a number has two bands, which `scripts/limo/reports/paper_check.py` states. Nothing is tuned to turn a "
         "row green, except the documented calibration of the geometry."
     )
     if "branches" in rows:
-        said += (
+        sentences += (
             " Numbers and verdicts are those of the exact flat state. `branches` counts the solutions with the same verdict, "
             "including those of slightly perturbed flat states."
         )
     if beside:
-        said += f" The column `{beside}` has the results of the datasets there."
+        sentences += f" The column `{beside}` has the results of the datasets there."
     counted_verdicts = ", ".join(f"{counts.get(v, 0)} {v}" for v in VERDICTS) + "."
-    return "\n\n".join(["# The paper's statements", said, counted_verdicts, markdown_table(rows)]) + "\n"
+    return "\n\n".join(["# The paper's statements", sentences, counted_verdicts, markdown_table(rows)]) + "\n"

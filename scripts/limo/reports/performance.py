@@ -179,12 +179,12 @@ def repeated(rows: pd.DataFrame) -> list[pd.DataFrame]:
     """
     keys = [*CASE, "engine", "build", "level", "symmetry", "iterations", "stroke"]
     groups = rows[rows.status == "converged"].drop_duplicates([*keys, "cpu_seconds"]).groupby(keys, sort=False)
-    return [of for _, of in groups if of.batch.nunique() > 1]
+    return [group for _, group in groups if group.batch.nunique() > 1]
 
 
 def slowest(rows: pd.DataFrame) -> float:
     """Largest ratio of the CPU times of one run in several batches; rows from ``with_iterations``, NaN without such runs."""
-    return max((of.cpu_seconds.max() / of.cpu_seconds.min() for of in repeated(rows)), default=float("nan"))
+    return max((group.cpu_seconds.max() / group.cpu_seconds.min() for group in repeated(rows)), default=float("nan"))
 
 
 def _same_runs(rows: pd.DataFrame) -> pd.DataFrame:
@@ -202,15 +202,15 @@ def _same_runs(rows: pd.DataFrame) -> pd.DataFrame:
             "CPU [s]": round(row.cpu_seconds),
             "wall [s]": round(row.wall_seconds),
         }
-        for of in repeated(rows)
-        for row in of.itertuples()
+        for group in repeated(rows)
+        for row in group.itertuples()
     )
 
 
 def _grids(rows: pd.DataFrame) -> pd.DataFrame:
     table = []
-    for batch, of in rows[rows.batch.str.startswith("grid")].groupby("batch", sort=False):
-        cases = of.drop_duplicates(CASE)
+    for batch, group in rows[rows.batch.str.startswith("grid")].groupby("batch", sort=False):
+        cases = group.drop_duplicates(CASE)
         wall = schedule(cases.cpu_seconds + cases.python_seconds, 2)
         table.append(
             {
@@ -234,9 +234,10 @@ def _grids(rows: pd.DataFrame) -> pd.DataFrame:
 
 def _engines(rows: pd.DataFrame) -> pd.DataFrame:
     grids = {
-        b: of.drop_duplicates(CASE).set_index(CASE) for b, of in rows[rows.batch.str.startswith("grid_preview")].groupby("batch")
+        b: group.drop_duplicates(CASE).set_index(CASE)
+        for b, group in rows[rows.batch.str.startswith("grid_preview")].groupby("batch")
     }
-    by_engine = {_one(of.engine): of for of in grids.values()}
+    by_engine = {_one(group.engine): group for group in grids.values()}
     if set(by_engine) != {"calculix", "newton"}:
         return pd.DataFrame()
     both = by_engine["calculix"].join(by_engine["newton"], lsuffix="_c", rsuffix="_n", how="inner").reset_index()
@@ -262,12 +263,12 @@ def _engines(rows: pd.DataFrame) -> pd.DataFrame:
 def _levers(rows: pd.DataFrame) -> pd.DataFrame:
     levers, table = rows[rows.batch == "levers"], []
     for engine, base in (("calculix", "base"), ("newton", "newton")):
-        of = levers[levers.engine == engine]
-        first = of[of.variant == base]
+        group = levers[levers.engine == engine]
+        first = group[group.variant == base]
         if first.empty:
             continue
         first = first.iloc[0]
-        for _, row in pd.concat([of[of.variant == base], of[of.variant != base]]).iterrows():
+        for _, row in pd.concat([group[group.variant == base], group[group.variant != base]]).iterrows():
             share, moved = row.cpu_seconds / first.cpu_seconds, row.stroke / first.stroke - 1
             harmless = abs(moved) < HARMLESS and row.dissipated_fraction <= DISSIPATES * first.dissipated_fraction
             pays = "-" if row.variant == base else "yes" if share < PAYS and harmless else "no"
@@ -292,8 +293,8 @@ def _levers(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def _builds(rows: pd.DataFrame) -> pd.DataFrame:
-    table, of = [], rows[rows.batch.isin(["levers", "stock"]) & rows.variant.isin(["base", "paper", "newton"])]
-    for _, row in of.iterrows():
+    table, group = [], rows[rows.batch.isin(["levers", "stock"]) & rows.variant.isin(["base", "paper", "newton"])]
+    for _, row in group.iterrows():
         table.append(
             {
                 "engine": row.engine,
@@ -324,17 +325,17 @@ def _targets(rows: pd.DataFrame, overhead: pd.DataFrame) -> pd.DataFrame:
         complete = batch in grids.index and grids.loc[batch, "cases"] == 19
         add(f"`{batch}`, 19 cases on two cores", grids.loc[batch, "two cores [min]"] if complete else None, limit, "min")
     newton = rows[rows.engine == "newton"]
-    for name, of, limit in (
+    for name, group, limit in (
         ("preview case, newton", newton[newton.batch == "grid_preview_newton"], 1),
         ("quarter of the paper's density, newton, alone", newton[newton.study == "longest"], 12),
         ("half of the paper's density, newton, alone", newton[newton.study == "half"], 30),
     ):
-        add(f"{name}: longest case", of.cpu_seconds.max() / 60 if len(of) else None, limit, "min CPU")
+        add(f"{name}: longest case", group.cpu_seconds.max() / 60 if len(group) else None, limit, "min CPU")
     bare = newton.dropna(subset=["factor_seconds"])
     for batch in ("grid_preview_newton", "grid_paper_density_newton"):
-        of = bare[bare.batch == batch]
-        iterating = (of.cpu_seconds - of.setup_seconds.fillna(0.0)).sum()
-        value = iterating / of.factor_seconds.sum() if len(of) else None
+        group = bare[bare.batch == batch]
+        iterating = (group.cpu_seconds - group.setup_seconds.fillna(0.0)).sum()
+        value = iterating / group.factor_seconds.sum() if len(group) else None
         add(f"`{batch}`: iterations over their factorise and solve", value, 1.25, "times")
     add("memory, newton", newton.memory_mib.max() / 1024 if len(newton) else None, 2, "GiB")
     whole = _builds(rows)
@@ -345,9 +346,9 @@ def _targets(rows: pd.DataFrame, overhead: pd.DataFrame) -> pd.DataFrame:
             ratio = paper.max() / ours.min() if len(paper) and len(ours) else None
             add(f"less CPU than the deck of the paper on the stock build: {engine}", ratio, limit, "times", most=False)
     for what, name, limit in ((NOTHING, "nothing to do in {} solved cases", 5), (PLANNING, "dry run of a study of {} cases", 15)):
-        of = overhead[overhead.what == what]
-        cases = f"{of.cases.iloc[0]:,}" if len(of) else "any"
-        add(name.format(cases), of.wall_seconds.iloc[0] if len(of) else None, limit, "s")
+        group = overhead[overhead.what == what]
+        cases = f"{group.cases.iloc[0]:,}" if len(group) else "any"
+        add(name.format(cases), group.wall_seconds.iloc[0] if len(group) else None, limit, "s")
     return pd.DataFrame(table)
 
 

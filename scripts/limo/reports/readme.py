@@ -67,9 +67,9 @@ def sweep(kept: Kept) -> str:
                 "CPU": f"{cost.cpu_seconds.iloc[0]:.0f} s" if len(cost) else "-",
             }
         )
-    said = []
+    sentences = []
     if len(seconds) == len(rows):
-        said = [
+        sentences = [
             wrapped(
                 f"The sweep takes about {duration(schedule(seconds, 2))} on two cores and {max(memory):.0f} MiB per case. "
                 f"Without the faster build it takes {number(stock_factor(kept))} times as long. It prints:"
@@ -79,7 +79,7 @@ def sweep(kept: Kept) -> str:
         f"Mesh level `{level}`, engine {engine} ({text_of(grid.build)}), P_v = {float(dataset.ventricular_pressure[0]):g} kPa. "
         f"CPU: {text_of(grid.machine)}, two cases side by side."
     )
-    return "\n\n".join([*said, markdown_table(pd.DataFrame(rows)), where])
+    return "\n\n".join([*sentences, markdown_table(pd.DataFrame(rows)), where])
 
 
 def sets(kept: Kept) -> str:
@@ -171,18 +171,18 @@ def presets(kept: Kept) -> str:
 def times(kept: Kept) -> str:
     """How long cases and grids take."""
     rows = []
-    for (level, _), of in grids(kept).items():
-        one = of[(of.n_pouches == 10) & (of.ventricular_pressure == 3.8)].cpu_seconds
-        wall = schedule(of.cpu_seconds + of.python_seconds, 2)
+    for (level, _), group in grids(kept).items():
+        one = group[(group.n_pouches == 10) & (group.ventricular_pressure == 3.8)].cpu_seconds
+        wall = schedule(group.cpu_seconds + group.python_seconds, 2)
         rows.append(
             {
                 "mesh level": f"`{level}`",
-                "engine": f"{text_of(of.engine)} ({text_of(of.build)})",
-                "machine": text_of(of.machine),
-                "CPU of a case": f"{of.cpu_seconds.min():.0f} to {of.cpu_seconds.max():.0f} s",
+                "engine": f"{text_of(group.engine)} ({text_of(group.build)})",
+                "machine": text_of(group.machine),
+                "CPU of a case": f"{group.cpu_seconds.min():.0f} to {group.cpu_seconds.max():.0f} s",
                 "of N_p = 10, P_v = 3.8 kPa": f"{one.iloc[0]:.0f} s" if len(one) else "-",
-                f"{len(of)} cases on two cores": duration(wall),
-                "memory": f"{of.memory_mib.max():.0f} MiB",
+                f"{len(group)} cases on two cores": duration(wall),
+                "memory": f"{group.memory_mib.max():.0f} MiB",
             }
         )
     trust = wrapped(
@@ -221,15 +221,15 @@ def contact(kept: Kept) -> str:
     touches = kept.loads(STANDARD).contact_front_back
     devices = touches.n_pouches.values[touches.notnull().any([d for d in touches.dims if d != "n_pouches"]).values]
     first = touches.isel(ventricular_pressure=0)
-    found = f"At mesh level {kept.level(STANDARD)} that is no device."
+    collected = f"At mesh level {kept.level(STANDARD)} that is no device."
     if len(devices):
-        found = (
+        collected = (
             f"At mesh level {kept.level(STANDARD)} that is N_p = {listed([str(n) for n in devices])}. At P_v = "
             f"{float(first.ventricular_pressure):g} kPa the first such frame is at P_a = {float(first.min()):.1f} kPa."
         )
     return (
-        f"**The model has no contact.** Strokes are too large once front and back touch. {found} Figures mark such states pale "
-        "or with a star, from the first stored frame on."
+        f"**The model has no contact.** Strokes are too large once front and back touch. {collected} Figures mark such states "
+        "pale or with a star, from the first stored frame on."
     )
 
 
@@ -242,9 +242,9 @@ def preview(kept: Kept) -> str:
     stress, cycles = [], []
     for _, rows in kept.errors.groupby("device"):
         settings, mean = settings_of(rows), reference_of(rows)
-        own = settings[settings.preset == "preview"].iloc[0]
-        stress.append(100 * (1 - own.stress / mean.stress))
-        cycles.append(10 ** (own.cycles_decades - mean.cycles_decades))
+        selected = settings[settings.preset == "preview"].iloc[0]
+        stress.append(100 * (1 - selected.stress / mean.stress))
+        cycles.append(10 ** (selected.cycles_decades - mean.cycles_decades))
     return (
         f"**Use {kept.level(FIRST)} for orientation only.** Its efficiencies at 90 ml are {eta[0]} instead of {eta[1]} at "
         f"{kept.level(STANDARD)} (`docs/paper_check.md`). Its peak stress is {min(stress):.0f} to {max(stress):.0f} % too low, "
@@ -256,8 +256,8 @@ def preview(kept: Kept) -> str:
 def full_integration(kept: Kept) -> str:
     """Strokes of both elements on a mesh as dense as the paper's, against the mean of the reference."""
     rows = kept.errors[kept.errors.device == "np4"]
-    own, mean = rows[(rows.part == "accuracy") & (rows.level == DENSITY) & rows.status.isin(USABLE)], reference_of(rows)
-    less = {element: 100 * (1 - of.stroke.iloc[0] / mean.stroke) for element, of in own.groupby("element", sort=False)}
+    selected, mean = rows[(rows.part == "accuracy") & (rows.level == DENSITY) & rows.status.isin(USABLE)], reference_of(rows)
+    less = {element: 100 * (1 - group.stroke.iloc[0] / mean.stroke) for element, group in selected.groupby("element", sort=False)}
     return (
         "**Full integration (C3D20, CalculiX's S8) is too stiff.** On a mesh as dense as the paper's (`paper`), N_p = 4 ejects "
         f"{less['C3D20']:.0f} % less than on the finest mesh (`{mean.level}`). With C3D20R it ejects {less['C3D20R']:.0f} % less "

@@ -46,22 +46,22 @@ def stress_summary(data: Path) -> str:
     if cases is None:
         return "Not measured yet."
     rows = []
-    for (box, engine), of in cases.groupby(["box", "engine"], sort=True):
-        n, first = len(of), of.first_status.isin(RIGHT)
-        right = of.status.isin(RIGHT)
-        ended = (of.status == "diverged") & (of.smallest_thickness < THINNEST)
-        seen = of.residual - of.residual_floor > RESIDUAL  # by the judge, who called it degraded for that
-        denied = right & ~seen & ~(of.forces_residual <= RESIDUAL)
+    for (box, engine), group in cases.groupby(["box", "engine"], sort=True):
+        n, first = len(group), group.first_status.isin(RIGHT)
+        right = group.status.isin(RIGHT)
+        ended = (group.status == "diverged") & (group.smallest_thickness < THINNEST)
+        seen = group.residual - group.residual_floor > RESIDUAL  # by the judge, who called it degraded for that
+        denied = right & ~seen & ~(group.forces_residual <= RESIDUAL)
         counts = (
-            first & (of.status == "converged"),
-            ~first & (of.status == "converged"),
-            of.status == "degraded",
+            first & (group.status == "converged"),
+            ~first & (group.status == "converged"),
+            group.status == "degraded",
             ended,
             ~right & ~ended,
             right,
             right | ended,
         )
-        worst = of.forces_residual[right].max()
+        worst = group.forces_residual[right].max()
         rows.append((box, engine, n, *(_share(int(c.sum()), n) for c in counts), int(denied.sum()), f"{worst:.2g}"))
     header = (
         "box",
@@ -109,11 +109,11 @@ def repeats(data: Path) -> str:
     if curves is None:
         return "Not measured yet."
     rows = []
-    for (engine, _), of in curves[curves.kind.isin(["same", "build"])].groupby(["engine", "kind"], sort=True):
-        runs = list(dict.fromkeys(of.run))
+    for (engine, _), group in curves[curves.kind.isin(["same", "build"])].groupby(["engine", "kind"], sort=True):
+        runs = list(dict.fromkeys(group.run))
         if len(runs) < 2:
             continue
-        a, b = (of[of.run == r] for r in runs[:2])
+        a, b = (group[group.run == r] for r in runs[:2])
         off = np.abs(b.ventricle_volume.to_numpy() / a.ventricle_volume.to_numpy() - 1)
         early = a.pressure.to_numpy() <= BEFORE_EVENTS
         same = "yes" if a.curve.iloc[0] == b.curve.iloc[0] else "no"
@@ -127,13 +127,13 @@ def scatter(data: Path) -> str:
     if curves is None:
         return "Not measured yet."
     rows = []
-    for engine, of in curves[curves.kind == "branch"].groupby("engine", sort=True):
+    for engine, group in curves[curves.kind == "branch"].groupby("engine", sort=True):
         cells = []
         for p in PRESSURES[1:]:
-            stroke = of[np.isclose(of.pressure, p)].stroke_volume
+            stroke = group[np.isclose(group.pressure, p)].stroke_volume
             cells.append(f"{stroke.min():.1f} to {stroke.max():.1f} ({100 * stroke.std() / stroke.mean():.1f} %)")
-        rest = of[of.pressure == 0].ventricle_volume
-        rows.append((engine, of.run.nunique(), f"{rest.min():.2f} to {rest.max():.2f}", *cells))
+        rest = group[group.pressure == 0].ventricle_volume
+        rows.append((engine, group.run.nunique(), f"{rest.min():.2f} to {rest.max():.2f}", *cells))
     return _table(("engine", "paths", "V_v at rest", *(f"{p:g} kPa" for p in PRESSURES[1:])), rows)
 
 
@@ -144,19 +144,21 @@ def meshes(data: Path) -> str:
         return "Not measured yet."
     rows = []
     first = curves[(curves.kind == "same") & (curves.run == "run 1")].assign(run="as it is")
-    for (engine, run), of in pd.concat([first, curves[curves.kind == "mesh"]]).groupby(["engine", "run"], sort=False):
-        at = [of[np.isclose(of.pressure, p)] for p in PRESSURES]
-        cells = [f"{a.stroke_volume.iloc[0]:.2f}" if len(a) and np.isfinite(a.stroke_volume.iloc[0]) else "-" for a in at[1:]]
-        rows.append((engine, run, of.status.iloc[0], f"{at[0].ventricle_volume.iloc[0]:.3f}", *cells))
+    for (engine, run), group in pd.concat([first, curves[curves.kind == "mesh"]]).groupby(["engine", "run"], sort=False):
+        position = [group[np.isclose(group.pressure, p)] for p in PRESSURES]
+        cells = [
+            f"{a.stroke_volume.iloc[0]:.2f}" if len(a) and np.isfinite(a.stroke_volume.iloc[0]) else "-" for a in position[1:]
+        ]
+        rows.append((engine, run, group.status.iloc[0], f"{position[0].ventricle_volume.iloc[0]:.3f}", *cells))
     return _table(("engine", "mesh", "status", "V_v at rest", *(f"{p:g} kPa" for p in PRESSURES[1:])), rows)
 
 
 def faults(data: Path) -> str:
     """What real sweeps did when they were killed, starved and damaged."""
-    found = _read(data, "faults.csv", header=None, names=FAULT_COLUMNS)
-    if found is None:
+    collected = _read(data, "faults.csv", header=None, names=FAULT_COLUMNS)
+    if collected is None:
         return "Not measured yet."
-    return _table(FAULT_COLUMNS, list(found.itertuples(index=False, name=None)))
+    return _table(FAULT_COLUMNS, list(collected.itertuples(index=False, name=None)))
 
 
 TABLES: dict[str, Callable[[Path], str]] = {

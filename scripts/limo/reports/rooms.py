@@ -79,12 +79,12 @@ def first_sentence(file: Path) -> str:
 
 def arrow_table(package: Path) -> str:
     """Which room imports from which others."""
-    found = arrows(package)
+    collected = arrows(package)
     rows = [
         {
             "room": f"`{room}`",
-            "imports from": ", ".join(f"`{other}`" for other in ORDER if (room, other) in found) or "-",
-            "is imported by": ", ".join(f"`{other}`" for other in ORDER if (other, room) in found) or "-",
+            "imports from": ", ".join(f"`{other}`" for other in ORDER if (room, other) in collected) or "-",
+            "is imported by": ", ".join(f"`{other}`" for other in ORDER if (other, room) in collected) or "-",
         }
         for room in ORDER
     ]
@@ -93,15 +93,15 @@ def arrow_table(package: Path) -> str:
 
 def arrows(package: Path) -> dict[tuple[str, str], list[str]]:
     """The imports from one room of a package to another one, with the modules that import."""
-    found: dict[tuple[str, str], list[str]] = {}
+    collected: dict[tuple[str, str], list[str]] = {}
     for file in sorted(package.rglob("*.py")):
         module = file.relative_to(package).with_suffix("")
         for name in _imported(ast.parse(file.read_text(encoding="utf-8")), package.name):
             other = name.split(".")[1]
             known = (package / other).is_dir() or (package / f"{other}.py").exists()  # not such as limo.__version__
             if known and other != module.parts[0]:
-                found.setdefault((module.parts[0], other), []).append(".".join(module.parts))
-    return found
+                collected.setdefault((module.parts[0], other), []).append(".".join(module.parts))
+    return collected
 
 
 def _imported(tree: ast.AST, package: str) -> Iterator[str]:
@@ -151,11 +151,11 @@ def changes(root: Path) -> str:
     drawn = {name: by_room(reached(*entries, scripts=root / "scripts")) for name, entries in _figures().items()}
     rows = []
     for room in ORDER:
-        found = [f"`{rule}`" for rule, decided in deciding.items() if room in decided]
-        own = [name for name, decided in drawn.items() if room in decided]
-        if own:
-            found.append("all figures" if len(own) == len(drawn) else f"{len(own)} of {len(drawn)} figures")
-        rows.append({"a change in": f"`{room}`", "can run again": ", ".join(found) or "nothing"})
+        collected = [f"`{rule}`" for rule, decided in deciding.items() if room in decided]
+        selected = [name for name, decided in drawn.items() if room in decided]
+        if selected:
+            collected.append("all figures" if len(selected) == len(drawn) else f"{len(selected)} of {len(drawn)} figures")
+        rows.append({"a change in": f"`{room}`", "can run again": ", ".join(collected) or "nothing"})
     return markdown_table(pd.DataFrame(rows))
 
 
@@ -165,13 +165,13 @@ def figures(root: Path) -> str:
     for name, entries in _figures().items():
         decided = by_room(reached(*entries, scripts=root / "scripts"))
         others = {room: names for room, names in decided.items() if room != "figures"}
-        own = [module for module in decided["figures"] if module != name]
+        selected = [module for module in decided["figures"] if module != name]
         rows.append(
             {
                 "figure": f"`{name}`",
                 "what it shows": first_sentence(root / PACKAGE / f"figures/{name}.py"),
                 "beside its own module": "; ".join(
-                    f"`{room}`: {', '.join(names)}" for room, names in {"figures": own, **others}.items() if names
+                    f"`{room}`: {', '.join(names)}" for room, names in {"figures": selected, **others}.items() if names
                 ),
             }
         )
@@ -184,8 +184,8 @@ def _figures() -> dict[str, tuple[str, ...]]:
 
 def by_room(definitions: frozenset[tuple[str, str]]) -> dict[str, list[str]]:
     """Modules of some definitions by their room, rooms in ``ORDER``; what stands in a room's ``__init__`` is called so."""
-    found: dict[str, set[str]] = {}
+    collected: dict[str, set[str]] = {}
     for module in {module for module, _ in definitions if module.startswith("limo.")}:
         _, room, *inner = module.split(".")
-        found.setdefault(room, set()).add(".".join(inner) or "__init__")
-    return {room: sorted(found[room]) for room in ORDER if room in found}
+        collected.setdefault(room, set()).add(".".join(inner) or "__init__")
+    return {room: sorted(collected[room]) for room in ORDER if room in collected}

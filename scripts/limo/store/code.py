@@ -61,18 +61,18 @@ class _Module:
 
 def _walk(entries: tuple[str, ...], scripts: Path) -> set[tuple[str, str]]:
     package = _package(scripts)
-    found: set[tuple[str, str]] = set()
+    collected: set[tuple[str, str]] = set()
     left = [(entry, name) for entry in entries for name in package[entry].units]
     while left:
         module, name = left.pop()
-        if (module, name) in found:
+        if (module, name) in collected:
             continue
-        found.add((module, name))
+        collected.add((module, name))
         if "" in package[module].units:
             left.append((module, ""))
         for use in package[module].units[name].uses:
             left.extend(_resolved(package, module, use))
-    return found
+    return collected
 
 
 def _resolved(package: dict[str, _Module], module: str, use: str) -> Iterator[tuple[str, str]]:
@@ -107,9 +107,9 @@ def _package(scripts: Path) -> dict[str, _Module]:
         known = json.loads(cached.read_text())
     except (OSError, ValueError):
         known = {}
-    own = hashlib.sha256(Path(__file__).read_bytes()).hexdigest()
+    selected = hashlib.sha256(Path(__file__).read_bytes()).hexdigest()
     sources = {name: path.read_bytes() for name, path in files.items()}
-    keys = {name: hashlib.sha256(f"{own} {name} ".encode() + source).hexdigest() for name, source in sources.items()}
+    keys = {name: hashlib.sha256(f"{selected} {name} ".encode() + source).hexdigest() for name, source in sources.items()}
     read = {key: known[key] if key in known else _read(sources[name], name) for name, key in keys.items()}
     if read.keys() != known.keys():
         _write(cached, read)
@@ -171,11 +171,11 @@ def _names(node: ast.stmt) -> list[str]:
 
 def _imports(nodes: list[ast.stmt] | Iterator[ast.AST]) -> dict[str, tuple[str, str]]:
     """Local names that imports from this package bring, and what they stand for."""
-    found = {}
+    collected = {}
     for node in nodes:
         if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "limo":
-            found |= {alias.asname or alias.name: (node.module, alias.name) for alias in node.names}
-    return found
+            collected |= {alias.asname or alias.name: (node.module, alias.name) for alias in node.names}
+    return collected
 
 
 class _Bare(ast.NodeTransformer):

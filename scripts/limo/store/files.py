@@ -58,10 +58,10 @@ def is_whole(path: Path, stamp: dict[str, Any], written: float) -> bool:
     It is read only if its size is right and it was touched since.
     """
     try:
-        found = path.stat()
-        if found.st_size != stamp["bytes"]:
+        collected = path.stat()
+        if collected.st_size != stamp["bytes"]:
             return False
-        return found.st_mtime <= written or stamp_of(path) == stamp
+        return collected.st_mtime <= written or stamp_of(path) == stamp
     except (OSError, KeyError, TypeError):
         return False
 

@@ -11,10 +11,10 @@ from pathlib import Path
 def processor() -> str:
     """The name of this machine's processor."""
     try:
-        found = re.search(r"^model name\s*: (.+)$", Path("/proc/cpuinfo").read_text(encoding="utf-8"), re.MULTILINE)
+        collected = re.search(r"^model name\s*: (.+)$", Path("/proc/cpuinfo").read_text(encoding="utf-8"), re.MULTILINE)
     except OSError:
-        found = None
-    return found.group(1) if found else platform.processor()
+        collected = None
+    return collected.group(1) if collected else platform.processor()
 
 
 def machine_memory() -> float:
