@@ -10,11 +10,11 @@ sys.path.insert(0, str(Path(workflow.basedir) / "scripts"))
 from limo.accuracy.kept_runs import kept_file, lacking
 from limo.accuracy.runs import KEPT_PARTS, TIMED_PARTS, error_studies
 from limo.airbag.model import run_content, runs_of
-from limo.cases.case import ENGINE_CODE, solve_code
+from limo.cases.case import engine_code, solve_code
 from limo.cases.cost import plan_costs, ranks
 from limo.cases.plan import CROSS_CHECK, make_plan
+from limo.config.builds import find_builds, find_engines
 from limo.config.load import load_config
-from limo.engines.find import find_builds, find_engines
 from limo.errors import ConfigError, LimoError
 from limo.figures.render import renderer_lacks
 from limo.page import TEMPLATES, sources

@@ -5,7 +5,8 @@ from pathlib import Path
 from limo.accuracy.scaling import measure_scaling
 from limo.config.load import load_config
 from limo.door import logged
-from limo.engines.calculix import build as ccx_build
+from limo.engines.engine import EngineSettings
+from limo.engines.find import find_engine
 from limo.schema.solver import Solver
 from limo.store.files import write_whole
 
@@ -13,6 +14,6 @@ if __name__ == "__main__":  # each size has a process of its own, which reads th
     with logged(snakemake.log[0]):  # noqa: F821
         file, engine = snakemake.config["file"], snakemake.wildcards.engine  # noqa: F821
         solver = Solver.model_validate(snakemake.config["solving"]["solver"])  # noqa: F821
-        command = ccx_build.find_ccx(solver, file) if engine == "calculix" else None
-        rows = measure_scaling(load_config(file), engine, solver, command)
+        settings = EngineSettings(solver, find_engine(engine).build(solver, file).command)
+        rows = measure_scaling(load_config(file), engine, settings)
         write_whole(Path(snakemake.output[0]), lambda path: rows.to_csv(path, index=False))  # noqa: F821

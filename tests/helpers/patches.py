@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from limo.cases.case import Case
+from limo.mechanics.build import described
 from limo.mechanics.model import Model, Pressure, expand
 from limo.mesh.layers import DeviceMesh
 
@@ -39,7 +40,17 @@ def patch_model(case: Case, mesh: DeviceMesh, nodes: np.ndarray | None = None) -
     if nodes is not None:
         shell = type(shell)(nodes, shell.bricks, shell.bottom, shell.middle, shell.top)
     load = Pressure("epi_front", np.arange(len(mesh.quads)), "bottom", 0.0, 1.0)
-    return Model(case, mesh, shell, shell.nodes, len(shell.nodes), {}, (), (), (load,))
+    return Model(
+        **described(case),
+        mesh=mesh,
+        expansion=shell,
+        nodes=shell.nodes,
+        reference_start=len(shell.nodes),
+        prescribed={},
+        fixed=(),
+        equations=(),
+        pressures=(load,),
+    )
 
 
 def curved_patch(case: Case, kind: str, radius: float, stretch: float, elements: int, angle: float = 0.3):

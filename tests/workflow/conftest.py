@@ -13,8 +13,8 @@ import yaml
 
 from limo.cases.case import describe
 from limo.cases.plan import Plan, make_plan
+from limo.config.builds import find_engines
 from limo.config.load import load_config
-from limo.engines.find import find_engines
 from limo.store.files import write_json
 
 ROOT = Path(__file__).parents[2]

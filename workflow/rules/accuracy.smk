@@ -8,7 +8,7 @@ rule solve_airbag:
     threads: LOADED.config.solver.threads
     params:
         content=airbag_content,
-        code=lambda wildcards: code_digest("solve_airbag", ENGINE_CODE[airbag_run(wildcards).engine]),
+        code=lambda wildcards: code_digest("solve_airbag", engine_code(airbag_run(wildcards).engine, "inflate")),
     message:
         "Inflate the airbag {wildcards.airbag} with {wildcards.run}"
     script:
@@ -111,7 +111,7 @@ rule time_case:
         "../envs/limo.yaml"
     threads: LOADED.config.solver.threads
     params:
-        case=lambda wildcards: PLAN.cases[wildcards.case].to_dict(),
+        case=case_of,
     message:
         "Time {wildcards.case} again where that is short"
     script:
@@ -131,7 +131,7 @@ rule measure_scaling:
     threads: 4096
     params:
         content=scaling_content,
-        code=lambda wildcards: code_digest("measure_scaling", ENGINE_CODE[wildcards.engine]),
+        code=lambda wildcards: code_digest("measure_scaling", engine_code(wildcards.engine, "sample")),
     message:
         "Iterate ever larger models with {wildcards.engine}"
     script:

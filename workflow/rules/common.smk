@@ -112,6 +112,13 @@ def build_of(engine):
     return LOADED.builds[engine]
 
 
+def case_of(wildcards):
+    """The case that a path names, if its engine is on this machine."""
+    case = PLAN.cases[wildcards.case]
+    build_of(case.engine)
+    return case.to_dict()
+
+
 def airbag_content(wildcards):
     """What a run of an airbag depends on, the build of its engine included."""
     run = airbag_run(wildcards)

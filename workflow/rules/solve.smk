@@ -19,7 +19,7 @@ rule solve_case:
         predicted_seconds=lambda wildcards: round(COSTS.get(wildcards.case, 0)),
         attempt_seconds=lambda wildcards: attempt_seconds(wildcards.case),
     params:
-        case=lambda wildcards: PLAN.cases[wildcards.case].to_dict(),
+        case=case_of,
         code=lambda wildcards: solve_code(PLAN.cases[wildcards.case].engine),
         recovery=lambda wildcards: PLAN.recovery_of(wildcards.case),
     message:

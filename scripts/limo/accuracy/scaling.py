@@ -20,20 +20,15 @@ import pandas as pd
 from limo.accuracy.sizes import COLUMNS, MEASURED
 from limo.cases.case import Case
 from limo.config.project import Loaded
-from limo.engines.calculix import build as ccx_build
-from limo.engines.calculix import run as calculix
-from limo.engines.calculix.deck import write_deck
+from limo.engines.engine import EngineSettings
+from limo.engines.find import find_engine
 from limo.errors import LimoError
 from limo.mechanics.build import build_model
-from limo.mechanics.model import Model
 from limo.mesh.device import mesh_device
 from limo.mesh.layers import degrees_of_freedom_of
 from limo.schema.numerics import LARGEST_MESH, Mesh, MeshLevel
-from limo.schema.solver import Solver
 from limo.store.machine import machine_memory
 
-#: increments of CalculiX, of some iterations each, and iterations of newton at one size
-INCREMENTS, ITERATIONS = 1, 5
 #: exponents of time and memory by which the second size is foreseen; the others by the two before them
 TIME, MEMORY = 1.6, 1.2
 
@@ -42,7 +37,6 @@ def scaling_case(loaded: Loaded, engine: str, displacements: int) -> Case:
     """The configuration's device for this, with a mesh of about that many displacements."""
     wanted = loaded.config.scaling
     name = loaded.default().numerics
-    numerics = loaded.config.numerics_presets[name].for_engine(engine)
     return Case(
         device=loaded.devices[wanted.device],
         device_name=wanted.device,
@@ -53,13 +47,13 @@ def scaling_case(loaded: Loaded, engine: str, displacements: int) -> Case:
         stiffness_ratio=1.0,
         mesh=Mesh(symmetry="full"),
         mesh_level=MeshLevel(degrees_of_freedom=displacements),
-        numerics=numerics.model_copy(update={"newton": numerics.newton.model_copy(update={"iterations": ITERATIONS})}),
+        numerics=loaded.config.numerics_presets[name].for_engine(engine),
         numerics_name=name,
         engine=engine,
     )
 
 
-def measure_scaling(loaded: Loaded, engine: str, solver: Solver, command: Path | None) -> pd.DataFrame:
+def measure_scaling(loaded: Loaded, engine: str, settings: EngineSettings) -> pd.DataFrame:
     """A row of ``COLUMNS`` for each size of the configuration's ``scaling``, smallest first.
 
     Every size has a process of its own, whose end, whatever it is, is a row.
@@ -73,7 +67,7 @@ def measure_scaling(loaded: Loaded, engine: str, solver: Solver, command: Path |
         case = scaling_case(loaded, engine, size)
         try:
             with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
-                row = pool.submit(_measure, case, solver, command).result()
+                row = pool.submit(_measure, case, settings).result()
         except (BrokenProcessPool, LimoError, MemoryError) as error:
             row = {"status": f"failed: {error}".splitlines()[0], "displacements": size}
         rows.append({"engine": engine} | row)
@@ -92,36 +86,17 @@ def _foreseen(rows: list[dict[str, Any]], what: str, size: float) -> float:
     return last[what] * (size / last["displacements"]) ** power
 
 
-def _measure(case: Case, solver: Solver, command: Path | None) -> dict[str, Any]:
+def _measure(case: Case, settings: EngineSettings) -> dict[str, Any]:
     """Mesh a case and let its engine iterate a few times: a row without its engine."""
     model = build_model(case, mesh_device(case.mesh_content()))
-    row = {"displacements": degrees_of_freedom_of(model.mesh), "elements": len(model.mesh.quads)}
-    return row | (_newton(model, solver) if case.engine == "newton" else _calculix(model, solver, command))
-
-
-def _newton(model: Model, solver: Solver) -> dict[str, Any]:
-    from limo.engines.newton import iteration as newton  # brings MKL, which the other engine does not need
-
-    path = newton.solve(model, solver)
-    iterations = sum(path.iterations.values())
+    with tempfile.TemporaryDirectory() as folder:
+        sample = find_engine(case.engine).sample(model, Path(folder), settings)
     return {
-        "build": path.build["version"],
-        "status": MEASURED if iterations else f"{path.status}: {path.reason}",
-        "iterations": iterations,
-        "cpu_seconds": path.cpu_seconds - path.details["setup_seconds"],
-        "memory_mib": path.memory,
-    }
-
-
-def _calculix(model: Model, solver: Solver, command: Path) -> dict[str, Any]:
-    with tempfile.TemporaryDirectory() as temporary:
-        folder = Path(temporary)
-        times = write_deck(model, folder / f"{calculix.JOB}.inp", INCREMENTS)
-        run = calculix.run(folder, command, solver, times[-1].end)
-    return {
-        "build": ccx_build.build_id(command),
-        "status": MEASURED if run.iterations else f"{run.status}: {run.reason}",
-        "iterations": run.iterations,
-        "cpu_seconds": run.cpu_seconds,
-        "memory_mib": run.memory,
+        "displacements": degrees_of_freedom_of(model.mesh),
+        "elements": len(model.mesh.quads),
+        "build": sample.build,
+        "status": MEASURED if sample.iterations else sample.reason,
+        "iterations": sample.iterations,
+        "cpu_seconds": sample.cpu_seconds,
+        "memory_mib": sample.memory,
     }

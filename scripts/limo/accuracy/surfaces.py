@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
-from vtkmodules.vtkCommonCore import VTK_ID_TYPE, vtkDoubleArray, vtkPoints
-from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
-from vtkmodules.vtkFiltersCore import vtkImplicitPolyDataDistance
 
 from limo.cases.case import Case
 from limo.errors import ResultError
@@ -54,19 +51,14 @@ class Surface:
         return np.vstack([part * sign for sign in signs])
 
     @cached_property
-    def _measure(self) -> vtkImplicitPolyDataDistance:
+    def _distance(self) -> Callable[[np.ndarray], np.ndarray]:
+        """Distances (p,) in mm of points (p, 3) from the part."""
+        from limo.accuracy.nearest import distance_to
+
         values, _, cells = grid(_MEASURED)
         points = np.einsum("gn,mnk->mgk", values, self.points[self.quads])
         corners = np.arange(points.size // 3).reshape(points.shape[:2])[:, cells][:, :, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)
-        faces, place = vtkCellArray(), vtkPoints()
-        faces.SetData(3, numpy_to_vtk(corners.ravel(), deep=True, array_type=VTK_ID_TYPE))
-        place.SetData(numpy_to_vtk(points.reshape(-1, 3), deep=True))
-        surface = vtkPolyData()
-        surface.SetPoints(place)
-        surface.SetPolys(faces)
-        measure = vtkImplicitPolyDataDistance()
-        measure.SetInput(surface)
-        return measure
+        return distance_to(points.reshape(-1, 3), corners)
 
     def distances(self, points: np.ndarray) -> np.ndarray:
         """Distances (p,) in mm of points (p, 3) from the full device, whose elements are divided into flat triangles."""
@@ -77,9 +69,7 @@ class Surface:
         for turn in np.argsort(beyond, axis=0, kind="stable"):  # the image nearest to the part first: searches from afar are slow
             image = turn, np.arange(len(points))
             near = beyond[image] < found
-            signed = vtkDoubleArray()
-            self._measure.FunctionValue(numpy_to_vtk(images[image][near]), signed)
-            found[near] = np.minimum(found[near], np.abs(vtk_to_numpy(signed)))
+            found[near] = np.minimum(found[near], self._distance(images[image][near]))
         return found
 
 

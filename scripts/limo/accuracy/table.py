@@ -187,15 +187,14 @@ def _ensembles(runs: Sequence[Run]) -> list[list[Run]]:
     return [*found.values()]
 
 
+#: what runs have in common whose sections are kept: those that the sections of the reference are compared with
+_SHOWN = {"kind": "run", "engine": "newton", "branch": 0}
+
+
 def _is_shown(row: dict) -> bool:
     """Whether the sections of a run are kept."""
-    return (
-        row["kind"] == "run"
-        and row["part"] != "scatter"
-        and row["engine"] == "newton"
-        and row["branch"] == 0
-        and row["varied"] in ("", "level")
-    )
+    same = all(row[key] == value for key, value in _SHOWN.items())
+    return same and row["part"] != "scatter" and row["varied"] in ("", "level")
 
 
 def _described(dataset: xr.Dataset) -> xr.Dataset:

@@ -12,22 +12,22 @@ Units: mm, N, MPa, tonne, s; pressures of the configuration in kPa.
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
-from types import SimpleNamespace
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 
-from limo.mechanics.model import Equation, Model, Pressure, expand
+from limo.mechanics.model import Equation, Expansion, Fabric, Loading, Model, Pressure, expand
 from limo.mesh.elements import QUAD8, QUAD9_TRIANGLES
-from limo.schema.accuracy import Airbag
-from limo.schema.device import Material
+from limo.mesh.layers import LAYERS
+from limo.schema.accuracy import Airbag, AirbagSeries
+from limo.schema.element import Element, element
 from limo.store.digest import number_label
 
-#: elements with mid-side nodes, and triangles
-QUADRATIC, TRIANGULAR = ("S6", "S8", "S8R", "C3D20R", "C3D20"), ("S3", "S6")
 #: mass per area (g / m^2). It enters no equilibrium: damping and the shift of the engine newton are relative to it
 AREAL_DENSITY = 170.0
+#: what solves a series that says nothing else, so that its name need not say it
+USUAL_ENGINE = AirbagSeries.model_fields["engine"].default
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,8 @@ class Run:
     def series(self) -> str:
         """Its series for people: the element, and what else tells it from other series of the element."""
         way = f"via {', '.join(map(number_label, self.path))} p" if self.path else "straight up"
-        engine, planes = ["newton"] * (self.engine == "newton"), [self.planes] * self.element.startswith("C3D")
+        engine = [] if self.engine == USUAL_ENGINE else [self.engine]
+        planes = [] if element(self.element).is_shell else [self.planes]
         return f"{self.element} ({', '.join([*engine, *planes, way])})"
 
 
@@ -85,6 +86,11 @@ class Sheet:
         return int(np.flatnonzero((self.lattice == (column, row)).all(axis=1))[0])
 
     @property
+    def layer(self) -> np.ndarray:
+        """The layer (m,) of each element: there is but one, as of a device's wall."""
+        return np.full(len(self.quads), LAYERS.index("wall"))
+
+    @property
     def is_corner(self) -> np.ndarray:
         """Which nodes (n,) are corners of elements."""
         return (self.lattice % self.step == 0).all(axis=1)
@@ -105,95 +111,70 @@ class Sheet:
         return (self.lattice == self.size - 1).any(axis=1)
 
 
-def sheet(side: float, divisions: int, element: str) -> Sheet:
+def sheet(side: float, divisions: int, element: Element) -> Sheet:
     """The quarter as ``divisions`` x ``divisions`` squares, or each of them as two triangles cut along x = y; ``side`` in mm.
 
     The mesh is its own mirror image at x = y, as the airbag is.
     """
-    step = 2 if element in QUADRATIC else 1
+    step = element.order
     size = step * divisions + 1
     cell = (np.vstack([QUAD8, [[0, 0]]]) + 1).astype(int) * step // 2  # nine places of a square; without mid-sides some coincide
     corners = step * np.stack(np.meshgrid(np.arange(divisions), np.arange(divisions)), axis=-1).reshape(-1, 2)
     places = corners[:, None] + cell  # (m, 9, 2)
-    if element in TRIANGULAR:
-        kept = QUAD9_TRIANGLES[:, : 6 if step == 2 else 3]
+    if element.corners == 3:
+        kept = QUAD9_TRIANGLES[:, : element.face_nodes]
         places = places[:, kept].reshape(-1, kept.shape[1], 2)
     else:
-        places = places[:, : 8 if step == 2 else 4]
+        places = places[:, : element.face_nodes]
     numbers, elements = np.unique(places[..., 0] + size * places[..., 1], return_inverse=True)
     lattice = np.stack([numbers % size, numbers // size], axis=1)
     nodes = np.column_stack([0.5 * side * lattice / (size - 1), np.zeros(len(lattice))])
     return Sheet(nodes, elements.reshape(places.shape[:2]), lattice, size, step)
 
 
-@dataclass(frozen=True)
-class AirbagModel(Model):
-    """What an engine solves: shells (``expansion`` is None), or the sheet written out as one layer of bricks.
-
-    ``mesh`` is a ``Sheet``, ``case`` only what engines read of one.
-    """
-
-    airbag: Airbag
-    run: Run
-
-    def under(self, level: float) -> AirbagModel:
-        """The same under ``level`` p, for the engine newton."""
-        return replace(self, case=_case(self.airbag, self.run, level))
-
-    @property
-    def is_shell(self) -> bool:
-        """Whether CalculiX makes the layer itself."""
-        return self.expansion is None
-
-    @property
-    def youngs_modulus(self) -> np.ndarray:
-        """E (m,) in MPa of every element."""
-        return np.full(len(self.mesh.quads), self.airbag.youngs_modulus)
-
-    @property
-    def degrees_of_freedom(self) -> int:
-        """Three displacements a node of the layer, whoever expands it; with mid-sides a corner has three nodes, else two."""
-        if self.run.element not in QUADRATIC:
-            return 6 * len(self.mesh.nodes)
-        return 3 * (2 * len(self.mesh.nodes) + int(self.mesh.is_corner.sum()))
-
-    def midsurface(self, displacements: np.ndarray) -> np.ndarray:
-        """Displacements of the model's nodes -> those of the sheet's nodes (n, 3) in mm."""
-        return displacements if self.is_shell else self.expansion.midsurface(displacements)
-
-
-def _case(airbag: Airbag, run: Run, level: float = 1.0) -> SimpleNamespace:
-    """What engines read of a case: ``level`` p is the ventricular pressure of its fit, and there is no ramp."""
-    elastic = {key: getattr(airbag, key) for key in ("youngs_modulus", "poisson_ratio", "thickness")}
-    material = Material(**elastic, areal_density=AREAL_DENSITY)
-    return SimpleNamespace(
-        mesh=SimpleNamespace(element=run.element),
-        device=SimpleNamespace(material=material, pattern=SimpleNamespace(length=airbag.side)),
+def build_model(airbag: Airbag, run: Run) -> Model:
+    """Nodes and constraints of one run. There is no ramp: the pressure of the airbag is P_v."""
+    made_of = element(run.element)
+    flat = sheet(airbag.side, run.divisions, made_of)
+    layer = None if made_of.is_shell else expand(flat, airbag.thickness)
+    nodes = flat.nodes if layer is None else layer.nodes
+    fixed, equations = _held(flat, layer, run.planes == "symmetric")
+    return Model(
+        name=f"square airbag, {run.name}",
+        element=made_of,
+        fabric=Fabric(airbag.youngs_modulus, airbag.poisson_ratio, airbag.thickness, AREAL_DENSITY, stiffness_ratio=1.0),
+        loading=Loading(airbag.pressure, actuation_pressure_max=0.0, frames=()),
         numerics=airbag.numerics,
-        ventricular_pressure=level * airbag.pressure,
-        actuation_pressure_max=0.0,
-        frames=(),
+        length=airbag.side,
+        mesh=flat,
+        expansion=layer,
+        nodes=nodes,
+        reference_start=len(nodes),
+        prescribed={},
+        fixed=fixed,
+        equations=equations,
+        pressures=(Pressure("sheet", np.arange(len(flat.quads)), "bottom", 1.0, 0.0),),
     )
 
 
-def build_model(airbag: Airbag, run: Run) -> AirbagModel:
-    """Nodes and constraints of one run."""
-    flat = sheet(airbag.side, run.divisions, run.element)
-    is_shell = not run.element.startswith("C3D")
-    layer = None if is_shell else expand(flat, airbag.thickness)
-    nodes = flat.nodes if is_shell else layer.nodes
+def _held(flat: Sheet, layer: Expansion | None, is_symmetric: bool) -> tuple[tuple[tuple[int, int], ...], tuple[Equation, ...]]:
+    """What is held at zero, and what is tied: planes of symmetry, the outer edge."""
     fixed, equations = [], []
     for mask, direction in ((flat.on_x, 0), (flat.on_y, 1), (flat.on_edge, 2)):
         line = np.flatnonzero(mask)
-        if is_shell:
+        if layer is None:
             held = line
-        elif run.planes == "symmetric" and direction < 2:
+        elif is_symmetric and direction < 2:
             held = np.concatenate([layer.bottom[line], layer.middle[line], layer.top[line]])
         else:
             held = layer.middle[line]
             ends = [(int(layer.bottom[n]), int(layer.top[n])) for n in line if layer.middle[n] < 0]
             equations += [Equation(((low, direction, 1.0), (high, direction, 1.0))) for low, high in ends]
         fixed += [(int(n), direction) for n in held if n >= 0]
-    loads = (Pressure("sheet", np.arange(len(flat.quads)), "bottom", 1.0, 0.0),)
-    case = _case(airbag, run)
-    return AirbagModel(case, flat, layer, nodes, len(nodes), {}, tuple(fixed), tuple(equations), loads, airbag, run)
+    return tuple(fixed), tuple(equations)
+
+
+def degrees_of_freedom(model: Model) -> int:
+    """Three displacements a node of the layer, whoever expands it; with mid-sides a corner has three nodes, else two."""
+    between = int(model.mesh.is_corner.sum()) if model.element.order == 2 else 0
+    return 3 * (2 * len(model.mesh.nodes) + between)

@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import json
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import xarray as xr
 
-from limo.airbag.deck import end_time, write_deck
-from limo.airbag.model import AirbagModel, Run, build_model
-from limo.engines.calculix import run as calculix
+from limo.airbag.model import Run, build_model, degrees_of_freedom
+from limo.engines.engine import EngineSettings
+from limo.engines.find import find_engine
 from limo.mechanics.constitutive import cauchy, second_piola_kirchhoff
 from limo.mechanics.kinematics import lame, strain_energy
+from limo.mechanics.model import Model
 from limo.mechanics.volumes import flux
 from limo.schema.accuracy import Airbag
-from limo.schema.solver import Solver
 from limo.store.digest import number_label
 
 #: units and long name of what is measured of a run that converged; without a result they are NaN
@@ -41,14 +42,10 @@ COUNTED = {
 TEXT = ("series", "element", "engine", "planes", "path", "status", "reason")
 
 
-def solve_run(airbag: Airbag, run: Run, solver: Solver, command: Path | None = None) -> xr.Dataset:
-    """Solve one run; what fails is a row with status and reason. ``command``: CalculiX, for runs of that engine."""
+def solve_run(airbag: Airbag, run: Run, settings: EngineSettings) -> xr.Dataset:
+    """Solve one run; what fails is a row with status and reason."""
     model = build_model(airbag, run)
-    solver = solver.model_copy(update={"time_limit": airbag.time_limit})
-    if run.engine == "newton":
-        row, displacements = _solve_newton(model, solver)
-    else:
-        row, displacements = _solve_calculix(model, solver, command)
+    row, displacements = _solve(model, run, airbag.time_limit, settings)
     row |= {
         "series": run.series,
         "element": run.element,
@@ -56,7 +53,7 @@ def solve_run(airbag: Airbag, run: Run, solver: Solver, command: Path | None = N
         "planes": run.planes,
         "path": ", ".join(map(number_label, (*run.path, 1.0))),
         "divisions": run.divisions,
-        "degrees_of_freedom": model.degrees_of_freedom,
+        "degrees_of_freedom": degrees_of_freedom(model),
     }
     measured = dict.fromkeys(MEASURED, np.nan)
     grid = np.full((model.mesh.size, model.mesh.size, 3), np.nan, np.float32)
@@ -71,42 +68,25 @@ def solve_run(airbag: Airbag, run: Run, solver: Solver, command: Path | None = N
     return _dataset(row | measured, grid)
 
 
-def _solve_newton(model: AirbagModel, solver: Solver) -> tuple[dict, np.ndarray | None]:
-    """Engine newton along the path: each pressure from the state of the one before."""
-    from limo.engines.newton import iteration as newton  # brings MKL, which the other engine does not need
-
-    state, total = None, {"cpu_seconds": 0.0, "iterations": 0, "rejected": 0}
-    for level in (*model.run.path, 1.0):
-        path = newton.solve(model.under(level), solver, start=state)
-        total["cpu_seconds"] += path.cpu_seconds
-        total["iterations"] += sum(path.iterations.values())
-        total["rejected"] += path.rejected
-        state = path.displacements(len(path.clock) - 1) if len(path.clock) else state
-        if path.status != "converged":
-            break
-    return total | {"status": path.status, "reason": path.reason, "memory": path.memory}, state
-
-
-def _solve_calculix(model: AirbagModel, solver: Solver, command: Path) -> tuple[dict, np.ndarray | None]:
-    """CalculiX in a temporary folder; displacements of the last accepted increment."""
-    with tempfile.TemporaryDirectory(prefix="limo_airbag_") as name:
-        folder = Path(name)
-        write_deck(model, folder / f"{calculix.JOB}.inp")
-        ended = calculix.run(folder, command, solver, end_time(model.airbag))
-        with calculix.results(folder, ended) as (outcome, frd, frames):
-            state = frd.displacements(frames[-1], len(model.nodes)) if frames else None
+def _solve(model: Model, run: Run, time_limit: float, settings: EngineSettings) -> tuple[dict, np.ndarray | None]:
+    """How a run ended and what it cost; displacements (n, 3) in mm of the last accepted state, None without one."""
+    settings = replace(settings, solver=settings.solver.model_copy(update={"time_limit": time_limit}))
+    engine, levels = find_engine(run.engine), (*run.path, 1.0)
+    with tempfile.TemporaryDirectory(prefix="limo_airbag_") as name, engine.inflate(model, levels, Path(name), settings) as path:
+        last = len(path.stage) - 1
+        state = path.displacements(last) if last >= 0 else None
     row = {
-        "status": outcome.status,
-        "reason": outcome.reason,
-        "cpu_seconds": outcome.cpu_seconds,
-        "iterations": outcome.iterations,
-        "rejected": len(outcome.increments) - len(outcome.accepted),
-        "memory": outcome.memory,
+        "status": path.status,
+        "reason": path.reason,
+        "cpu_seconds": path.cpu_seconds,
+        "iterations": sum(path.iterations.values()),
+        "rejected": path.rejected,
+        "memory": path.memory,
     }
     return row, state
 
 
-def measure(model: AirbagModel, moved: np.ndarray) -> dict[str, float]:
+def measure(model: Model, moved: np.ndarray) -> dict[str, float]:
     """``MEASURED`` from displacements (n, 3) in mm of the sheet's nodes.
 
     Wrinkles end at the edge as folds, and its middle lies in one of them. The even parabola a + b s^2, fitted to the draw-in
@@ -116,8 +96,8 @@ def measure(model: AirbagModel, moved: np.ndarray) -> dict[str, float]:
     middle, corner = moved[sheet.node_at(last, 0)], moved[sheet.node_at(last, last)]
     smooth = []
     for axis in (0, 1):
-        edge = (sheet.lattice[:, axis] == last) & (sheet.nodes[:, 1 - axis] <= model.airbag.side / 4)
-        along = sheet.nodes[edge, 1 - axis] / model.airbag.side
+        edge = (sheet.lattice[:, axis] == last) & (sheet.nodes[:, 1 - axis] <= model.length / 4)
+        along = sheet.nodes[edge, 1 - axis] / model.length
         smooth.append(np.polynomial.polynomial.polyfit(along**2, -moved[edge, axis], 1)[0])
     return {
         "height": float(moved[sheet.node_at(0, 0), 2]),
@@ -129,43 +109,43 @@ def measure(model: AirbagModel, moved: np.ndarray) -> dict[str, float]:
     }
 
 
-def centre_stress(model: AirbagModel, moved: np.ndarray) -> float:
+def centre_stress(model: Model, moved: np.ndarray) -> float:
     """Largest principal Cauchy stress (MPa) at M from the stretches of the elements' sides there, along x and y.
 
     By symmetry they are principal. Plane stress: E_3 = -nu / (1 - nu) (E_1 + E_2).
     """
-    sheet, airbag = model.mesh, model.airbag
+    sheet, fabric = model.mesh, model.fabric
     placed, stretch = sheet.nodes + moved, []
     for axis in (0, 1):
         line = [sheet.node_at(*((k, 0) if axis == 0 else (0, k))) for k in range(sheet.step + 1)]
         lengths = [np.linalg.norm(np.diff(x[line], axis=0), axis=1).sum() for x in (placed, sheet.nodes)]
         stretch.append(lengths[0] / lengths[1])
     along = [0.5 * (x**2 - 1) for x in stretch]
-    across = -airbag.poisson_ratio / (1 - airbag.poisson_ratio) * sum(along)
+    across = -fabric.poisson_ratio / (1 - fabric.poisson_ratio) * sum(along)
     deformation = np.diag([*stretch, np.sqrt(max(1 + 2 * across, 1e-6))])
-    second_piola = second_piola_kirchhoff(np.diag([*along, across]), *lame(airbag.youngs_modulus, airbag.poisson_ratio))
+    second_piola = second_piola_kirchhoff(np.diag([*along, across]), *lame(fabric.youngs_modulus, fabric.poisson_ratio))
     return float(cauchy(deformation, second_piola).diagonal().max())
 
 
-def potential_energy(model: AirbagModel, displacements: np.ndarray) -> float:
+def potential_energy(model: Model, displacements: np.ndarray) -> float:
     """Pi = W - p V in J of a brick model's state (n, 3) in mm; NaN of shells, whose layer the solver makes itself.
 
     W is the strain energy and V the volume between the sheet and the plane of its edge. Equilibria are stationary points of
     Pi and stable ones its minima, so of two wrinkled states on one mesh the lower one is nearer to rest for good.
     """
-    if model.is_shell:
+    if model.element.is_shell:
         return np.nan
-    layer, airbag = model.expansion, model.airbag
+    layer = model.expansion
     energy = strain_energy(
         layer.nodes,
         layer.bricks,
         displacements[: len(layer.nodes)],
         model.youngs_modulus,
-        airbag.poisson_ratio,
-        model.gauss_points,
+        model.fabric.poisson_ratio,
+        model.element.gauss_points,
     )
     volume = flux((model.nodes + displacements)[layer.bottom], model.mesh.quads).sum()
-    return float(1e-3 * energy - 1e-6 * airbag.pressure * volume)  # mJ, kPa mm^3
+    return float(1e-3 * energy - 1e-6 * model.loading.ventricular_pressure * volume)  # mJ, kPa mm^3
 
 
 def _dataset(row: dict, grid: np.ndarray) -> xr.Dataset:

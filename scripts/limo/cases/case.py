@@ -106,13 +106,14 @@ class Case:
         return f"{self.label}_{self.mesh.level}_{self.numerics_name}_{digest(self.content())}"
 
 
-#: what carries a model, by engine: with the script that solves a case, the code that decides its result
-ENGINE_CODE = {"calculix": "limo.engines.calculix.run", "newton": "limo.engines.newton.iteration"}
+def engine_code(engine: str, task: str = "solve") -> str:
+    """Entry point of an engine for a task: with the script that gives it the task, the code that decides the result."""
+    return f"limo.engines.{engine}.engine:{task}"
 
 
 def solve_code(engine: str) -> str:
     """Hash of the code that a solution comes from."""
-    return code_digest("solve_case", ENGINE_CODE[engine])
+    return code_digest("solve_case", engine_code(engine))
 
 
 def describe(case: Case) -> dict[str, Any]:

@@ -11,8 +11,9 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from limo.cases.case import ENGINE_CODE, OWN_MESH, Case, describe, solve_code
+from limo.cases.case import OWN_MESH, Case, describe, solve_code
 from limo.errors import ResultError
+from limo.schema.section import ENGINES
 from limo.store.files import is_whole, read_json
 from limo.store.statuses import USABLE
 
@@ -54,7 +55,7 @@ class Solved:
     def current(self) -> bool:
         """Whether today's code would solve it the same way."""
         engine = self.described.get("case", {}).get("engine", "")
-        return engine in ENGINE_CODE and self.described.get("code") == solve_code(engine)
+        return engine in ENGINES and self.described.get("code") == solve_code(engine)
 
     @property
     def reached(self) -> float:

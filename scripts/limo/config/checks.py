@@ -2,23 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from itertools import product
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from pydantic import ValidationError
 
 from limo.config.project import Loaded, Setting
 from limo.config.rungs import check_ladder
 from limo.config.yaml_file import _explain
+from limo.engines.find import find_engine
 from limo.errors import ConfigError
 from limo.geometry.pattern import flat_pattern
+from limo.schema.accuracy import Airbag
 from limo.schema.config import Config
 from limo.schema.device import Material
+from limo.schema.element import element as find_element
 from limo.schema.figures import FIGURES, NEEDS
 from limo.schema.numerics import Numerics
 from limo.schema.reliability import StressTest
-from limo.schema.section import ENGINES
+from limo.schema.section import ENGINES, ElementName
 from limo.schema.solver import Rung
 from limo.schema.study import Study, Variant
 
@@ -46,8 +50,8 @@ def _check_stress_test(path: Path, loaded: Loaded, test: StressTest) -> None:
     _check_names(path, "stress_test.mesh.level", test.mesh.level, loaded.config.mesh_levels)
     if test.numerics:
         _check_names(path, "stress_test.numerics", test.numerics, loaded.config.numerics_presets)
-    if "newton" in test.engines and test.mesh.element.startswith("S8"):
-        raise ConfigError(path, "stress_test.mesh.element", test.mesh.element, "C3D20R or C3D20", "element: C3D20R")
+    if usable := _other_elements(test.engines, test.mesh.element):
+        raise ConfigError(path, "stress_test.mesh.element", test.mesh.element, " or ".join(usable), f"element: {usable[0]}")
 
 
 def _check_names(path: Path, key: str, value: str, known: dict[str, Any], *, listed: bool = False) -> None:
@@ -133,7 +137,7 @@ def _check_setting(loaded: Loaded, path: Path, study: Study, prefix: str, settin
     """What a study or a variant (its keys after ``prefix``) names must exist, and element and engine must fit together."""
     _check_names(path, f"{prefix}mesh.level", setting.mesh.level, loaded.config.mesh_levels)
     element = setting.mesh.element
-    if not element.startswith("S8"):
+    if not find_element(element).is_shell:
         return
     if setting.mesh.symmetry != "full":
         raise ConfigError(
@@ -147,6 +151,27 @@ def _check_setting(loaded: Loaded, path: Path, study: Study, prefix: str, settin
             f"volumes only with element {element}, which keeps no displacements through the thickness",
             "mesh: {level: preview, symmetry: quarter, element: C3D20R}",
         )
-    if setting.engine == "newton" or study.cross_check:
+    if usable := _other_elements(ENGINES if study.cross_check else [setting.engine], element):
         key, value = ("cross_check", study.cross_check) if study.cross_check else (f"{prefix}engine", setting.engine)
-        raise ConfigError(path, key, value, "element C3D20R or C3D20 where the engine newton is used", "mesh: {element: C3D20R}")
+        expected = f"element {' or '.join(usable)}, which the engines that are used take"
+        raise ConfigError(path, key, value, expected, f"mesh: {{element: {usable[0]}}}")
+
+
+def _other_elements(engines: Collection[str], element: str) -> list[str]:
+    """The elements of device meshes that all engines take, where one does not take ``element``; none where all do."""
+    if all(find_engine(engine).takes(find_element(element)) for engine in engines):
+        return []
+    return [name for name in get_args(ElementName) if all(find_engine(e).takes(find_element(name)) for e in engines)]
+
+
+def _check_engine(path: Path, key: str, engine: str, element: str) -> None:
+    """The engine of a key must take an element."""
+    if not find_engine(engine).takes(find_element(element)):
+        other = next(name for name in ENGINES if find_engine(name).takes(find_element(element)))
+        raise ConfigError(path, key, engine, f"engine: {other} for element {element}", f"engine: {other}")
+
+
+def _check_airbag(path: Path, airbag: Airbag) -> None:
+    """The engine of every series must take its element."""
+    for k, series in enumerate(airbag.series):
+        _check_engine(path, f"series.{k}.engine", series.engine, series.element)

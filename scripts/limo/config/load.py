@@ -11,7 +11,15 @@ import re
 from pathlib import Path
 from typing import Any
 
-from limo.config.checks import _check_names, _check_preset, _check_recovery, _check_stress_test, _check_study
+from limo.config.checks import (
+    _check_airbag,
+    _check_engine,
+    _check_names,
+    _check_preset,
+    _check_recovery,
+    _check_stress_test,
+    _check_study,
+)
 from limo.config.project import Loaded
 from limo.config.yaml_file import parse, read_yaml
 from limo.errors import ConfigError
@@ -79,6 +87,7 @@ def load_config(path: str | Path = "config/config.yaml") -> Loaded:
     for name, preset in config.presets.items():
         _check_names(path, f"presets.{name}.mesh.level", preset.mesh.level, config.mesh_levels)
         _check_names(path, f"presets.{name}.numerics", preset.numerics, config.numerics_presets)
+        _check_engine(path, f"presets.{name}.engine", preset.engine, preset.mesh.element)
     if config.preset:
         _check_preset(path, config.preset, config)
         if stated := [n for n in PRESET_KEYS if n in config.model_fields_set]:
@@ -89,6 +98,8 @@ def load_config(path: str | Path = "config/config.yaml") -> Loaded:
         _check_stress_test(path, loaded, config.stress_test)
     if config.scaling:
         _check_names(path, "scaling.device", config.scaling.device, devices)
+    for name, airbag in airbags.items():
+        _check_airbag(files[f"airbags/{name}"], airbag)
     cut: set[tuple[str, float, int]] = set()
     for name, study in studies.items():
         _check_study(loaded, files[f"studies/{name}"], study, cut)

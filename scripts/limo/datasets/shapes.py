@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from limo.cases.case import Case
+from limo.cases.case import Case, solved_on
 from limo.cases.grid import study_cases
 from limo.config.project import Loaded
 from limo.datasets.variables import CASE_DIMS, describe_axes, on_axes
@@ -112,8 +112,9 @@ def gather_shapes(
         symmetry[index], length[index] = case.mesh.symmetry, case.device.pattern.length
         try:
             stored = Case.from_dict(read_json(case_folder / case_id / "case.json")["case"])
-            model, frames = open_case(stored, mesh_folder / f"{stored.mesh_id}.vtu", case_folder / case_id)
-            mesh_id, symmetry[index] = model.case.mesh_id, model.mesh.symmetry
+            where = mesh_folder / f"{stored.mesh_id}.vtu", case_folder / case_id
+            model, frames = open_case(stored, *where)
+            mesh_id, symmetry[index] = solved_on(stored, *where)[0].mesh_id, model.mesh.symmetry
             if mesh_id not in meshes:
                 meshes[mesh_id] = mesh_values(model.mesh)
             pressures = [study.pressure_of(entry, case.ventricular_pressure) for entry in entries.values()]
@@ -204,7 +205,7 @@ def _case_values(
     model: Model, frames: CaseFrames, pressures: list[float | None], items: tuple[str, ...], maximum: float
 ) -> dict[str, np.ndarray]:
     """Everything that is stored of one case; ``pressures`` (kPa) of its frames, None for one beyond its range."""
-    mesh, thickness = model.mesh, model.case.device.material.thickness
+    mesh, thickness = model.mesh, model.fabric.thickness
     _, node, _ = nodal(mesh, np.zeros((len(mesh.quads), 4)))
     count = len(pressures)
     values = {

@@ -202,7 +202,7 @@ def _fatigue(values: dict, mesh, amplitude: np.ndarray, near_seam: np.ndarray, f
 
 
 def _contact(values: dict, model: Model, frames: CaseFrames) -> None:
-    order, thickness = np.argsort(frames.pressure), model.case.device.material.thickness
+    order, thickness = np.argsort(frames.pressure), model.fabric.thickness
     touching = []
     for k in order:
         middle = model.mesh.nodes + model.expansion.midsurface(frames.displacement[k].astype(float))
@@ -227,7 +227,7 @@ def _buckling(values: dict, model: Model, frames: CaseFrames, folder: Path) -> d
         stored = np.flatnonzero(np.isclose(frames.event_pressure, (event.before, event.after), atol=1e-6).all(axis=1))
         if len(stored):
             before, after = model.expansion.midsurface(frames.event_displacement[stored[0]].astype(float))
-            differences[k] = displacement_difference(before, after, model.case.device.pattern.length)
+            differences[k] = displacement_difference(before, after, model.length)
             values["buckling_displacement"][k] = differences[k].max()
     if not differences:
         return {}

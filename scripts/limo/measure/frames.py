@@ -71,6 +71,6 @@ def open_case(case: Case, mesh_file: Path, folder: Path) -> tuple[Model, CaseFra
     """Model and frames of a solved case. Raises ``ResultError`` where one cannot be used."""
     case, mesh_file = solved_on(case, mesh_file, folder)
     model = build_model(case, read_mesh(mesh_file, case.mesh.symmetry))
-    if model.is_shell:
-        raise ResultError(f"{folder / 'frames.nc'}: element {case.mesh.element} keeps no displacements through the thickness")
+    if model.element.is_shell:
+        raise ResultError(f"{folder / 'frames.nc'}: element {model.element.name} keeps no displacements through the thickness")
     return model, read_frames(folder / "frames.nc", len(model.expansion.nodes))

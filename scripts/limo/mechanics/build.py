@@ -1,18 +1,39 @@
-"""The discrete model of a case: which nodes are held, moved and tied, and which pressures act on which faces."""
+"""The discrete model of a device: which nodes are held, moved and tied, and which pressures act on which faces."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any, Protocol
 
 import numpy as np
 
-from limo.cases.case import Case
 from limo.geometry.valve import ValveEllipse
-from limo.mechanics.model import Equation, Model, Pressure, expand
+from limo.mechanics.model import Equation, Expansion, Fabric, Loading, Model, Pressure, expand
 from limo.mesh.layers import FACES, LAYERS, DeviceMesh
+from limo.schema.device import Device
+from limo.schema.element import element
+from limo.schema.numerics import Mesh, Numerics
 
 #: heights of the perturbed flat states of branches, over the thickness of the fabric
 PERTURBATION = 0.05
+
+
+class Described(Protocol):
+    """What a model of a device is made of besides a mesh (``limo.cases.case.Case`` is such a description). Pressures in kPa."""
+
+    device: Device
+    ventricular_pressure: float
+    actuation_pressure_max: float
+    aspect_ratio: float
+    stiffness_ratio: float
+    mesh: Mesh
+    numerics: Numerics
+    frames: tuple[float, ...]
+    branch: int
+
+    @property
+    def case_id(self) -> str:
+        """Its name."""
 
 
 def pressures(mesh: DeviceMesh, *, like_shells: bool) -> tuple[Pressure, ...]:
@@ -36,7 +57,7 @@ def pressures(mesh: DeviceMesh, *, like_shells: bool) -> tuple[Pressure, ...]:
     return tuple(loads)
 
 
-def valve_displacements(case: Case, mesh: DeviceMesh) -> dict[int, np.ndarray]:
+def valve_displacements(aspect_ratio: float, mesh: DeviceMesh) -> dict[int, np.ndarray]:
     """Displacements (3,) in mm that move each valve node onto the ellipse, its arc length along the edge kept.
 
     Front nodes go to z > 0, back nodes to z < 0, nodes shared by both to z = 0; v = 0 (paper, Eqs. valve).
@@ -44,7 +65,7 @@ def valve_displacements(case: Case, mesh: DeviceMesh) -> dict[int, np.ndarray]:
     nodes = np.flatnonzero(mesh.on_valve)
     x = mesh.nodes[nodes, 0]
     half_width = np.abs(x).max()
-    ellipse = ValveEllipse.from_perimeter(half_width, case.aspect_ratio)
+    ellipse = ValveEllipse.from_perimeter(half_width, aspect_ratio)
     placed = ellipse.place(np.abs(x))
     back = np.zeros(len(mesh.nodes), bool)
     back[mesh.quads[mesh.face == 1]] = True
@@ -61,7 +82,23 @@ def perturbed(mesh: DeviceMesh, seed: int, amplitude: float) -> DeviceMesh:
     return replace(mesh, nodes=nodes)
 
 
-def build_model(case: Case, mesh: DeviceMesh, *, like_shells: bool | None = None) -> Model:
+def described(case: Described) -> dict[str, Any]:
+    """The values of a ``Model`` that do not depend on its mesh."""
+    material = case.device.material
+    fabric = Fabric(
+        material.youngs_modulus, material.poisson_ratio, material.thickness, material.areal_density, case.stiffness_ratio
+    )
+    return {
+        "name": case.case_id,
+        "element": element(case.mesh.element),
+        "fabric": fabric,
+        "loading": Loading(case.ventricular_pressure, case.actuation_pressure_max, case.frames),
+        "numerics": case.numerics,
+        "length": case.device.pattern.length,
+    }
+
+
+def build_model(case: Described, mesh: DeviceMesh, *, like_shells: bool | None = None) -> Model:
     """Constraints and loads of a case on a mesh.
 
     ``like_shells`` (default: whether the element is a shell) puts pressures where CalculiX puts those of shells.
@@ -70,16 +107,22 @@ def build_model(case: Case, mesh: DeviceMesh, *, like_shells: bool | None = None
     opposite on bottom and top. Valve: middle nodes prescribed at corners, bottom + top - 2 reference = 0 at mid-sides,
     so that the edge may rotate. Shells: the nodes of the mesh are prescribed.
     """
-    shell = case.mesh.element.startswith("S8")
+    values, thickness = described(case), case.device.material.thickness
+    shell = values["element"].is_shell
     if case.branch:
-        mesh = perturbed(mesh, case.branch, PERTURBATION * case.device.material.thickness)
-    expansion = expand(mesh, case.device.material.thickness)
-    displacements = valve_displacements(case, mesh)
-    loads = pressures(mesh, like_shells=shell if like_shells is None else like_shells)
+        mesh = perturbed(mesh, case.branch, PERTURBATION * thickness)
+    values |= {"mesh": mesh, "expansion": expand(mesh, thickness)}
+    values["pressures"] = pressures(mesh, like_shells=shell if like_shells is None else like_shells)
+    displacements = valve_displacements(case.aspect_ratio, mesh)
     if shell:
         prescribed = {(n, d): float(u[d]) for n, u in displacements.items() for d in range(3)}
-        return Model(case, mesh, expansion, mesh.nodes, len(mesh.nodes), prescribed, (), (), loads)
+        nodes = {"nodes": mesh.nodes, "reference_start": len(mesh.nodes)}
+        return Model(**values, **nodes, prescribed=prescribed, fixed=(), equations=())
+    return Model(**values, **_constraints(mesh, values["expansion"], displacements))
 
+
+def _constraints(mesh: DeviceMesh, expansion: Expansion, displacements: dict[int, np.ndarray]) -> dict[str, Any]:
+    """Nodes of a model of bricks, those of reference included, and how they are held, moved and tied."""
     bottom, middle, top = expansion.bottom, expansion.middle, expansion.top
     prescribed, fixed, equations, references = {}, [], [], []
     for node, u in displacements.items():
@@ -102,5 +145,10 @@ def build_model(case: Case, mesh: DeviceMesh, *, like_shells: bool | None = None
                 fixed.append((mid, 2))
             signs = (-1.0, -1.0, 1.0)
             equations += [Equation(((low, d, 1.0), (high, d, signs[d]))) for d in range(3) if (low, d) not in taken]
-    nodes = np.vstack([expansion.nodes, *references]) if references else expansion.nodes
-    return Model(case, mesh, expansion, nodes, len(expansion.nodes), prescribed, tuple(fixed), tuple(equations), loads)
+    return {
+        "nodes": np.vstack([expansion.nodes, *references]) if references else expansion.nodes,
+        "reference_start": len(expansion.nodes),
+        "prescribed": prescribed,
+        "fixed": tuple(fixed),
+        "equations": tuple(equations),
+    }

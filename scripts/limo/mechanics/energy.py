@@ -33,15 +33,14 @@ def conjugate_volumes(model: Model, displacements: np.ndarray) -> tuple[float, f
 def energy_and_extremes_of(model: Model, displacements: np.ndarray) -> tuple[float, float, float]:
     """Strain energy of the full device in mJ (N mm), with the quadrature of the model's element; smallest det F and stretch
     across the layer."""
-    material = model.case.device.material
     expansion = model.expansion
     energy, *extremes = energy_and_extremes(
         expansion.nodes,
         expansion.bricks,
         displacements[: len(expansion.nodes)],
         model.youngs_modulus,
-        material.poisson_ratio,
-        model.gauss_points,
+        model.fabric.poisson_ratio,
+        model.element.gauss_points,
     )
     return model.mesh.copies * energy, *extremes
 

@@ -27,7 +27,7 @@ def internal_forces(model: Model, displacements: np.ndarray, source: object = "f
 
     C3D20R and S8R have 2 x 2 x 2 points, C3D20 and S8 have 3 x 3 x 3. ``displacements`` (n, 3) in mm.
     """
-    local, weights = gauss(model.gauss_points, 3)
+    local, weights = gauss(model.element.gauss_points, 3)
     state: LayerState = layer_state(model, displacements, local, source)
     shell = model.expansion
     _, slopes = hex20_shape(local)
@@ -46,11 +46,11 @@ def pressure_forces(model: Model, displacements: np.ndarray, actuation_pressure:
     """
     shell = model.expansion
     x = shell.nodes + displacements[: len(shell.nodes)]
-    local, weights = gauss(model.gauss_points, 2)
+    local, weights = gauss(model.element.gauss_points, 2)
     values, slopes = quad8_shape(local)
     total = np.zeros((len(model.nodes), 3))
     for load in model.pressures:
-        value = KPA * (load.ventricular * model.case.ventricular_pressure + load.actuation * actuation_pressure)
+        value = KPA * (load.ventricular * model.loading.ventricular_pressure + load.actuation * actuation_pressure)
         face = HEX20_BOTTOM if load.side == "bottom" else HEX20_TOP
         sign = 1.0 if load.side == "bottom" else -1.0
         numbers = shell.bricks[load.quads][:, face]
@@ -69,7 +69,7 @@ def mass_forces(model: Model, field: np.ndarray) -> np.ndarray:
     jacobian = np.einsum("gnd,mnk->mgkd", slopes, shell.nodes[shell.bricks])
     volume = np.linalg.det(jacobian) * weights
     at_points = np.einsum("gn,mnk->mgk", values, field[shell.bricks])
-    forces = model.density * np.einsum("gn,mgk,mg->mnk", values, at_points, volume, optimize=True)
+    forces = model.fabric.density * np.einsum("gn,mgk,mg->mnk", values, at_points, volume, optimize=True)
     return scatter(forces, shell.bricks, len(model.nodes))
 
 

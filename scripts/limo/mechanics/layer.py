@@ -35,7 +35,7 @@ def surface_points() -> np.ndarray:
 
 def moduli(model: Model) -> tuple[np.ndarray, np.ndarray]:
     """Lame constants lambda and mu (m,) in MPa of every element; the endocardium is E_hat times as stiff."""
-    return lame(model.youngs_modulus, model.case.device.material.poisson_ratio)
+    return lame(model.youngs_modulus, model.fabric.poisson_ratio)
 
 
 def element_label(mesh: DeviceMesh, element: int) -> str:

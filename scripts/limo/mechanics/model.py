@@ -1,4 +1,4 @@
-"""The discrete model of a case: nodes, elements, constraints and loads by stage. It knows no solver.
+"""The discrete model of a layer of fabric: nodes, elements, constraints and loads by stage. It knows no solver and no case.
 
 Units: mm, N, MPa, tonne, s.
 """
@@ -6,15 +6,33 @@ Units: mm, N, MPa, tonne, s.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from scipy.sparse import csr_array, identity
 
-from limo.cases.case import Case
 from limo.mesh.elements import HEX20_BOTTOM, HEX20_TOP
-from limo.mesh.layers import LAYERS, DeviceMesh
+from limo.mesh.layers import LAYERS
+from limo.schema.accuracy import AirbagNumerics
+from limo.schema.element import Element
+from limo.schema.numerics import Numerics
 
 KPA = 1.0e-3  # MPa
+
+
+class LayerMesh(Protocol):
+    """What a model needs of a flat mesh: ``nodes`` (n, 3) in mm, ``quads`` (m, k), ``layer`` (m,), ``is_corner`` (n,)."""
+
+    nodes: np.ndarray
+    quads: np.ndarray
+
+    @property
+    def layer(self) -> np.ndarray:
+        """Index into ``LAYERS`` of each element."""
+
+    @property
+    def is_corner(self) -> np.ndarray:
+        """Which nodes are corners of elements."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +54,7 @@ class Expansion:
         return 0.5 * (values[..., self.bottom, :] + values[..., self.top, :])
 
 
-def expand(mesh: DeviceMesh, thickness: float) -> Expansion:
+def expand(mesh: LayerMesh, thickness: float) -> Expansion:
     """The expansion that CalculiX makes of S8R (one C3D20R through the thickness), written out.
 
     ``thickness`` in mm. Bottom nodes at z = -t/2, top at +t/2; corners have a third node between them.
@@ -77,17 +95,51 @@ class Pressure:
 
 
 @dataclass(frozen=True)
-class Model:
-    """A case ready for an engine.
+class Fabric:
+    """A St. Venant-Kirchhoff fabric: E in MPa, nu, thickness in mm, mass per area in g / m^2.
 
-    ``prescribed`` maps (node, direction) to a final displacement (mm), ramped in the fitting stage; ``fixed`` lists
-    (node, direction) held at zero. With shells (``element`` S8, S8R) all nodes are those of the mesh; with bricks
-    those of ``expansion`` plus the reference nodes from ``reference_start`` on.
+    ``stiffness_ratio`` E_hat: E of the endocardium of the pouches over that of the rest.
     """
 
-    case: Case
-    mesh: DeviceMesh
-    expansion: Expansion
+    youngs_modulus: float
+    poisson_ratio: float
+    thickness: float
+    areal_density: float
+    stiffness_ratio: float
+
+    @property
+    def density(self) -> float:
+        """Mass density in tonne / mm^3 from the areal density: g / m^2 = 1e-12 tonne / mm^2."""
+        return self.areal_density * 1e-12 / self.thickness
+
+
+@dataclass(frozen=True)
+class Loading:
+    """Pressures in kPa: P_v, which the fit brings on, the P_a to which the ramp goes, and the P_a whose states are asked for."""
+
+    ventricular_pressure: float
+    actuation_pressure_max: float
+    frames: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Model:
+    """What an engine solves.
+
+    ``name`` is for people; ``length`` (mm) is that of the device. ``expansion``: the layer written out; of shells it is that
+    which CalculiX makes, or None for one that is not made of ``HEX20``. ``prescribed`` maps (node, direction) to a final
+    displacement (mm), ramped in the fitting stage; ``fixed`` lists (node, direction) held at zero. With shells all nodes are
+    those of the mesh; with bricks those of ``expansion`` plus the reference nodes from ``reference_start`` on.
+    """
+
+    name: str
+    element: Element
+    fabric: Fabric
+    loading: Loading
+    numerics: Numerics | AirbagNumerics
+    length: float
+    mesh: LayerMesh
+    expansion: Expansion | None
     nodes: np.ndarray
     reference_start: int
     prescribed: dict[tuple[int, int], float]
@@ -96,26 +148,14 @@ class Model:
     pressures: tuple[Pressure, ...]
 
     @property
-    def is_shell(self) -> bool:
-        """Whether CalculiX makes the expansion itself."""
-        return self.case.mesh.element.startswith("S8")
-
-    @property
-    def gauss_points(self) -> int:
-        """Gauss points a direction: 2 in C3D20R and S8R, 3 in C3D20 and S8; CalculiX gives the loaded faces as many."""
-        return 2 if self.case.mesh.element.endswith("R") else 3
-
-    @property
     def youngs_modulus(self) -> np.ndarray:
         """Young's modulus (m,) in MPa of every element: E, on the endocardium of the pouches E_hat E."""
-        ratio = np.where(self.mesh.layer == LAYERS.index("endo"), self.case.stiffness_ratio, 1.0)
-        return ratio * self.case.device.material.youngs_modulus
+        ratio = np.where(self.mesh.layer == LAYERS.index("endo"), self.fabric.stiffness_ratio, 1.0)
+        return ratio * self.fabric.youngs_modulus
 
-    @property
-    def density(self) -> float:
-        """Mass density in tonne / mm^3 from the areal density: g / m^2 = 1e-12 tonne / mm^2."""
-        material = self.case.device.material
-        return material.areal_density * 1e-12 / material.thickness
+    def midsurface(self, displacements: np.ndarray) -> np.ndarray:
+        """Displacements (n, 3) of the model's nodes -> those of the mesh's nodes, on the middle surface (n_shell, 3)."""
+        return displacements if self.element.is_shell else self.expansion.midsurface(displacements)
 
 
 def scatter(forces: np.ndarray, nodes: np.ndarray, count: int) -> np.ndarray:

@@ -177,7 +177,7 @@ def _case(model: Model, frames: CaseFrames) -> dict[str, Any]:
         shown.append({"cycles": np.where(mesh_values(mesh)["seam_distance"] <= near, cycles, np.nan)})
     steps, limits = _scales(shown)
     return {
-        "symmetry": model.case.mesh.symmetry,
+        "symmetry": mesh.symmetry,
         "reach": {
             "flat": _reach([mesh.nodes]),
             "deformed": _reach([mesh.nodes[node] + values["displacement"] for values in by_stop]),

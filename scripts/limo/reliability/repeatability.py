@@ -16,9 +16,8 @@ from scipy.spatial.transform import Rotation
 
 from limo.cases.case import Case
 from limo.config.project import Loaded
-from limo.engines.calculix import build as ccx_build
-from limo.engines.run import path_of
-from limo.errors import SolverNotFoundError
+from limo.engines.engine import Build, EngineSettings
+from limo.engines.find import find_engine
 from limo.measure.ramp import ramp_of
 from limo.mechanics.build import build_model
 from limo.mechanics.model import Model
@@ -64,22 +63,20 @@ def reference_case(loaded: Loaded, engine: str, maximum: float) -> Case:
 def measure(loaded: Loaded, engine: str, kinds: tuple[str, ...] = KINDS, maximum: float = 60.0) -> Iterator[list[Row]]:
     """The curves of all runs of some kinds, one after the other as they are solved; each is a list of rows."""
     case = reference_case(loaded, engine, maximum)
-    solver = Solver()
-    mesh = mesh_device(case.mesh_content())
-    other = list(_builds()) if engine == "calculix" else []
-    command = ccx_build.find_ccx(solver) if engine == "calculix" else None
+    mesh, found = mesh_device(case.mesh_content()), find_engine(engine)
+    usual = found.build(Solver(), "config/config.yaml")
 
-    def run(kind: str, name: str, model: Model, command: Path | None = command) -> list[Row]:
+    def run(kind: str, name: str, model: Model, build: Build = usual) -> list[Row]:
         with tempfile.TemporaryDirectory() as folder:
-            status, history = follow(model, Path(folder), solver, command)
+            status, history = follow(found, model, Path(folder), EngineSettings(command=build.command))
         return _rows(kind, engine, name, status, ramp_of(history), maximum)
 
     if "same" in kinds:
         for k in (1, 2):
             yield run("same", f"run {k}", build_model(case, mesh))
     if "build" in kinds:
-        for name, executable in other:
-            yield run("build", name, build_model(case, mesh), executable)
+        for name, build in found.builds().items():
+            yield run("build", name, build_model(case, mesh), build)
     if "branch" in kinds:
         for k in range(BRANCHES):
             yield run("branch", str(k), build_model(replace(case, branch=k), mesh))
@@ -88,7 +85,7 @@ def measure(loaded: Loaded, engine: str, kinds: tuple[str, ...] = KINDS, maximum
             yield run("mesh", name, make())
 
 
-def cpu_times(case: Case, mesh_file: Path, status: Mapping[str, Any], solver: Solver, command: Path | None) -> list[float]:
+def cpu_times(case: Case, mesh_file: Path, status: Mapping[str, Any], settings: EngineSettings) -> list[float]:
     """CPU seconds of the solver of a solved case, and of a short one those of further solves, ``TIMES`` together.
 
     A case that took ``SHORT`` or longer, or several attempts, is not solved again. ``status`` is what its solve left.
@@ -97,18 +94,11 @@ def cpu_times(case: Case, mesh_file: Path, status: Mapping[str, Any], solver: So
     if seconds[0] >= SHORT or len(status["attempts"]) > 1:
         return seconds
     model = build_model(case, read_mesh(mesh_file, case.mesh.symmetry))
+    engine = find_engine(case.engine)
     while len(seconds) < TIMES:
-        with tempfile.TemporaryDirectory() as folder, path_of(model, Path(folder), solver, command, None) as path:
+        with tempfile.TemporaryDirectory() as folder, engine.solve(model, Path(folder), settings) as path:
             seconds.append(round(path.cpu_seconds, 2))
     return seconds
-
-
-def _builds() -> Iterator[tuple[str, Path]]:
-    for name in ("tuned", "stock"):
-        try:
-            yield name, ccx_build.find_ccx(Solver(build=name))
-        except SolverNotFoundError:
-            continue
 
 
 def _meshes(case: Case, mesh: DeviceMesh) -> dict[str, Callable[[], Model]]:

@@ -12,8 +12,8 @@ from pathlib import Path
 from limo.accuracy.runs import error_studies
 from limo.accuracy.table import add_errors, read_errors, write_errors
 from limo.cases.plan import CROSS_CHECK, make_plan
+from limo.config.builds import find_engines
 from limo.config.load import load_config
-from limo.engines.find import find_engines
 from limo.figures import style
 from limo.reports.accuracy_airbag import airbag_report, read_airbags
 from limo.reports.accuracy_device import device_report
@@ -41,7 +41,7 @@ def add_to(errors: Path, results: Path, config_file: str) -> list[Path]:
     Returns the files that were written. Raises ``LimoError``.
     """
     loaded = load_config(config_file)
-    find_engines(loaded, config_file)
+    find_engines(loaded, config_file, strict=True)
     served = make_plan(loaded, results).served
     sources = {name: [i for key, i in served[name].items() if key[0] != CROSS_CHECK] for name in error_studies(loaded)}
     dataset, files = add_errors(loaded, results, errors, sources), [errors]

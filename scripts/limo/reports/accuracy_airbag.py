@@ -176,7 +176,7 @@ def _by_the_other_engine(rows: pd.DataFrame) -> list[str]:
     good, sentences = rows[rows.status == "converged"], []
     for shell, brick in EXPANDED.items():
         shells = good[good.element == shell]
-        bricks = good[(good.element == brick) & (good.engine == "newton") & (good.planes == "hinged")]
+        bricks = good[(good.element == brick) & (good.engine == TRUSTED[1]) & (good.planes == "hinged")]
         both = shells.merge(bricks, on=["path", "divisions"], suffixes=("", "_brick"))
         if len(both):
             apart = (both.height / both.height_brick - 1).abs()

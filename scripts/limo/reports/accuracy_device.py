@@ -267,11 +267,8 @@ def _shells(dataset: xr.Dataset, rows: pd.DataFrame) -> list[str]:
     reduced, full = _first(settings, element="S8R"), _first(settings, element="S8")
     if reduced is not None and full is not None:
         lines.append(f"S8R against S8: {_compared(dataset, reduced, full)}")
-        bricks = settings[(settings.symmetry == "full") & (settings.element == "C3D20R")]
-        if len(bricks):
-            lines.append(
-                f"S8R against bricks of the full device by {bricks.iloc[0].engine}: {_compared(dataset, reduced, bricks.iloc[0])}"
-            )
+        if (bricks := _first(settings, symmetry="full", element="C3D20R")) is not None:
+            lines.append(f"S8R against bricks of the full device by {bricks.engine}: {_compared(dataset, reduced, bricks)}")
     usable = rows[(rows.kind == "run") & (rows.branch == 0) & rows.status.isin(USABLE)]
     for _, run in usable[usable.varied.isin(["element", "level, element"])].iterrows():
         if (base := _first(settings, level=run.level, symmetry=run.symmetry, element="C3D20R", engine=run.engine)) is not None:

@@ -22,12 +22,12 @@ import xarray as xr
 
 from limo.cases.cost import duration
 from limo.cases.plan import Plan, make_plan
+from limo.config.builds import find_engines
 from limo.config.load import load_config
 from limo.config.project import Loaded
 from limo.datasets.curves import absent, at_end, completed
 from limo.datasets.shapes import gather_shapes
 from limo.datasets.study import gather_study
-from limo.engines.find import find_engines
 from limo.errors import LimoError
 from limo.figures import style, tensile_test
 from limo.figures.measured import read_measured
@@ -179,7 +179,7 @@ def make_gallery(
     if redraw:
         return draw(loaded, studies, gallery / part)
     if part:
-        find_engines(loaded, config_file)  # their builds are in the names of cases
+        find_engines(loaded, config_file, studies)  # their builds are in the names of cases
     return [*keep(loaded, studies, results, gallery, part), *draw(loaded, studies, gallery / part, results)]
 
 
@@ -191,7 +191,7 @@ def lacking_of_set(config_file: str, studies: list[str], results: Path, gallery:
     if not part:
         raise LimoError(f"--lacking: of which set? for example limo gallery --set standard --lacking --config {config_file}")
     loaded = _loaded(config_file, studies, part)
-    find_engines(loaded, config_file)
+    find_engines(loaded, config_file, studies)
     plan, wanted = make_plan(loaded, results), {}
     for name in studies or loaded.config.studies:
         dataset = _grown(loaded, name, plan, results, gallery / part / "data" / f"{name}.nc")

@@ -18,14 +18,15 @@ from limo.cases.case import Case
 from limo.cases.cost import schedule
 from limo.cases.grid import study_axes, study_cases
 from limo.cases.plan import Plan, make_plan
+from limo.config.builds import find_engines
 from limo.config.load import load_config
 from limo.config.project import Loaded
-from limo.engines.calculix.deck import stage_times
-from limo.engines.find import find_engines
+from limo.engines.find import find_engine
 from limo.errors import LimoError
 from limo.measure.ramp import ramp_of
 from limo.reports.markdown import markdown_table, number, read_rows, shown, signed_percent
 from limo.reports.overhead import NOTHING, PLANNING
+from limo.schema.section import ENGINES
 from limo.store.files import read_json, write_whole
 from limo.store.machine import processor
 
@@ -87,12 +88,11 @@ def _row(case: Case, folder: Path) -> dict:
 
 
 def _share(case: Case, history: xr.Dataset) -> float:
-    """Share of the run that was done: of the solver's clock with CalculiX, of the ramp with the engine newton."""
+    """Share of the run that was done."""
     if not history.sizes["increment"]:
         return 0.0
-    if case.engine == "newton":
-        return float(history.actuation_pressure[-1]) / case.actuation_pressure_max
-    return float(history.solver_time[-1]) / stage_times(case.numerics, case.actuation_pressure_max)[-1].end
+    reached = history.solver_time.values, history.actuation_pressure.values
+    return find_engine(case.engine).share_done(case.numerics, case.actuation_pressure_max, *reached)
 
 
 def record(rows: pd.DataFrame, file: Path) -> None:
@@ -107,7 +107,7 @@ def record_batch(config_file: str, batch: str, studies: list[str], results: Path
     """Put the costs of the solved cases of studies (none: those that the configuration runs) into the table; says what it did."""
     loaded = load_config(config_file)
     loaded.require(studies, config_file, "limo performance record levers levers --config config/levers/config.yaml")
-    find_engines(loaded, config_file)
+    find_engines(loaded, config_file, studies)
     rows = measurements(loaded, make_plan(loaded, results), batch, studies or loaded.config.studies, results)
     if rows.empty:
         raise LimoError(f"{results}: none of the cases is solved; run the studies first")
@@ -126,6 +126,8 @@ def read_measurements(file: Path) -> pd.DataFrame:
 #: a change pays when it takes less than this share of the CPU time, moves the stroke at the end by less than this, and
 #: dissipates at most this many times as much
 PAYS, HARMLESS, DISSIPATES = 0.95, 0.03, 1.2
+#: the deck of a row that is not of the paper's, by engine
+DECKS = {"calculix": "fast", "newton": "-"}
 CASE = ["n_pouches", "ventricular_pressure", "aspect_ratio", "stiffness_ratio"]
 
 
@@ -238,7 +240,7 @@ def _engines(rows: pd.DataFrame) -> pd.DataFrame:
         for b, group in rows[rows.batch.str.startswith("grid_preview")].groupby("batch")
     }
     by_engine = {_one(group.engine): group for group in grids.values()}
-    if set(by_engine) != {"calculix", "newton"}:
+    if by_engine.keys() != {*ENGINES}:
         return pd.DataFrame()
     both = by_engine["calculix"].join(by_engine["newton"], lsuffix="_c", rsuffix="_n", how="inner").reset_index()
     return pd.DataFrame(
@@ -299,7 +301,7 @@ def _builds(rows: pd.DataFrame) -> pd.DataFrame:
             {
                 "engine": row.engine,
                 "build": row.build,
-                "deck": "paper" if row.variant == "paper" else "fast" if row.engine == "calculix" else "-",
+                "deck": "paper" if row.variant == "paper" else DECKS[row.engine],
                 "status": row.status,
                 "share of the run": f"{row.path_share:.1%}",
                 "iterations": int(row.iterations),
@@ -324,7 +326,7 @@ def _targets(rows: pd.DataFrame, overhead: pd.DataFrame) -> pd.DataFrame:
     for batch, limit in (("grid_preview_calculix", 45), ("grid_preview_newton", 10), ("grid_paper_density_newton", 120)):
         complete = batch in grids.index and grids.loc[batch, "cases"] == 19
         add(f"`{batch}`, 19 cases on two cores", grids.loc[batch, "two cores [min]"] if complete else None, limit, "min")
-    newton = rows[rows.engine == "newton"]
+    newton = dict([*rows.groupby("engine")]).get("newton", rows[:0])
     for name, group, limit in (
         ("preview case, newton", newton[newton.batch == "grid_preview_newton"], 1),
         ("quarter of the paper's density, newton, alone", newton[newton.study == "longest"], 12),

@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, field_validator, model_validator
 
 from limo.schema.device import Elastic
+from limo.schema.element import element
 from limo.schema.numerics import LARGEST_MESH, Controls, Newton
 from limo.schema.section import NAME, Engine, Section
 from limo.schema.study import Pouches
@@ -61,22 +62,15 @@ class AirbagSeries(Section):
         return divisions
 
     @model_validator(mode="after")
-    def _shells_are_calculix_and_hinged(self) -> AirbagSeries:
-        if self.engine == "newton" and not self.is_brick:
-            raise ValueError(f"engine: calculix for element {self.element}")
-        if self.planes == "symmetric" and not self.is_brick:
+    def _shells_are_hinged(self) -> AirbagSeries:
+        if self.planes == "symmetric" and element(self.element).is_shell:
             raise ValueError(f"planes: hinged for element {self.element}")
         return self
 
     @property
     def chosen_planes(self) -> Planes:
         """``planes``, or their default."""
-        return self.planes or ("symmetric" if self.is_brick else "hinged")
-
-    @property
-    def is_brick(self) -> bool:
-        """Whether the layer is written out as bricks; CalculiX expands shells itself."""
-        return self.element.startswith("C3D")
+        return self.planes or ("hinged" if element(self.element).is_shell else "symmetric")
 
 
 class AirbagReference(Section):
@@ -120,7 +114,8 @@ class AirbagNumerics(Section):
 
     def for_engine(self, engine: str) -> dict[str, Any]:
         """Plain data of the part that ``engine`` looks at."""
-        return self.newton.model_dump(mode="json") if engine == "newton" else self.model_dump(mode="json", exclude={"newton"})
+        own = {"newton": self.newton.model_dump(mode="json"), "calculix": self.model_dump(mode="json", exclude={"newton"})}
+        return own[engine]
 
 
 class Airbag(Elastic):

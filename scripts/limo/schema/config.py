@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import ConfigDict, Field
 
 from limo.schema.accuracy import Scaling
 from limo.schema.device import TensileTest
@@ -26,12 +26,6 @@ class Preset(Section):
     numerics: str = Field("fast", pattern=NAME, description="name of an entry of numerics_presets", examples=["fast"])
     engine: Engine = Field("newton", description="what solves the cases", examples=["newton"])
     branches: int = Field(1, ge=1, le=100, description="solutions of each case, for a band", examples=[3])
-
-    @model_validator(mode="after")
-    def _newton_knows_no_shells(self) -> Preset:
-        if self.engine == "newton" and self.mesh.element.startswith("S8"):
-            raise ValueError(f"engine: calculix for element {self.mesh.element}")
-        return self
 
 
 def _required_unless_extended(schema: dict[str, Any]) -> None:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from pydantic import Field, model_validator
 
-from limo.schema.section import NAME, Element, Section, Symmetry
+from limo.schema.element import element
+from limo.schema.section import NAME, ElementName, Section, Symmetry
 
 #: displacements of the largest mesh
 LARGEST_MESH = 5_000_000
@@ -29,7 +30,7 @@ class Mesh(Section):
 
     level: str = Field("preview", pattern=NAME, description="name of an entry of mesh_levels", examples=["preview"])
     symmetry: Symmetry = Field("quarter", description="planes used: none, z = 0, or z = 0 and x = 0", examples=["quarter"])
-    element: Element = Field(
+    element: ElementName = Field(
         "C3D20R",
         description="S8 and S8R (expanded by CalculiX, full device only) or the same layer written out",
         examples=["C3D20R"],
@@ -37,7 +38,7 @@ class Mesh(Section):
 
     @model_validator(mode="after")
     def _shells_are_full(self) -> Mesh:
-        if self.element.startswith("S8") and self.symmetry != "full":
+        if element(self.element).is_shell and self.symmetry != "full":
             raise ValueError(f"symmetry: full for element {self.element} (or element C3D20R for a symmetric model)")
         return self
 
@@ -147,12 +148,21 @@ class Numerics(Section):
 
     def for_engine(self, engine: str) -> Numerics:
         """The same without words, and with neutral values wherever ``engine`` does not look."""
-        if engine != "newton":
-            return self.model_copy(update={"description": "", "newton": Newton()})
         still = Stage(damping=0, duration=1)
-        return Numerics(fit=still, hold=still, ramp=Stage(damping=0, rate=1), newton=self.newton)
+        neutral = Numerics(fit=still, hold=still, ramp=Stage(damping=0, rate=1))
+        return neutral.model_copy(update={name: getattr(self, name) for name in READ_BY[engine]})
 
     @property
     def solver_damping(self) -> float:
         """Damping (1/s) on the solver's clock, of which CalculiX knows one a run: the largest of the stages'."""
         return max(stage.damping for stage in (self.fit, self.hold, self.ramp))
+
+
+#: keys of numerics that an engine reads: newton has no time
+READ_BY = {
+    "calculix": (
+        *("hht_alpha", "fit", "hold", "ramp", "first_increment", "smallest_increment", "largest_increment", "controls"),
+        "rest_tolerance",
+    ),
+    "newton": ("newton",),
+}

@@ -74,14 +74,14 @@ def measure(model: Model, history: xr.Dataset, ramp: xr.Dataset, frames: xr.Data
     """
     known = {"rested": rested, "dissipated_fraction": _number(balance.get("dissipated_fraction"))}
     if history.sizes["increment"]:
-        known["largest_displacement"] = float(history.largest_displacement.max()) / model.case.device.pattern.length
+        known["largest_displacement"] = float(history.largest_displacement.max()) / model.length
         known["smallest_volume_ratio"] = _number(history.smallest_volume_ratio.min())
         known["smallest_thickness"] = _number(history.smallest_thickness.min())
     if ramp.sizes["increment"] > 1:
         known["largest_jump"] = largest_jump(ramp)
         known["smallest_ventricle"] = float(ramp.ventricle_volume.min() / max(abs(float(ramp.ventricle_volume[0])), 1e-9))
-        known["energy_created"] = _number(energy_created(ramp, model.case.ventricular_pressure))
-    if not model.is_shell and frames.sizes["frame"]:
+        known["energy_created"] = _number(energy_created(ramp, model.loading.ventricular_pressure))
+    if not model.element.is_shell and frames.sizes["frame"]:
         known |= _equilibrium(model, frames)
     return Checks(**known)
 

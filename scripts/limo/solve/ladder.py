@@ -11,6 +11,7 @@ from dataclasses import replace
 
 from limo.cases.case import Case
 from limo.config.rungs import multiplied
+from limo.schema.element import element
 from limo.schema.solver import Rung
 
 CONFIGURED = "as configured"  # the name of the first attempt
@@ -22,5 +23,5 @@ def climb(case: Case, rung: Rung, failed_stage: str) -> Case:
     The case itself where it is so already, and where shells, which are solved as a full device, are asked for a part.
     """
     numerics, level = multiplied(case.numerics, case.mesh_level, rung, failed_stage)
-    symmetry = case.mesh.symmetry if rung.symmetry is None or case.mesh.element.startswith("S8") else rung.symmetry
+    symmetry = case.mesh.symmetry if rung.symmetry is None or element(case.mesh.element).is_shell else rung.symmetry
     return replace(case, numerics=numerics, mesh_level=level, mesh=case.mesh.model_copy(update={"symmetry": symmetry}))

@@ -1,6 +1,7 @@
 """Which code decides a result: the definitions that its entry point reaches, followed through imports by AST.
 
-An entry point is a script of a rule (``mesh_device``) or a module (``limo.figures.design``). A definition is a function, a class
+An entry point is a script of a rule (``mesh_device``), a module (``limo.figures.design``) or a definition of one
+(``limo.engines.newton.engine:solve``). A definition is a function, a class
 or an assignment at the top of a module. It counts with everything it names, in its own module and in those it imports. Comments,
 docstrings, annotations, layout, import lines and the place of a definition do not count.
 
@@ -62,7 +63,7 @@ class _Module:
 def _walk(entries: tuple[str, ...], scripts: Path) -> set[tuple[str, str]]:
     package = _package(scripts)
     collected: set[tuple[str, str]] = set()
-    left = [(entry, name) for entry in entries for name in package[entry].units]
+    left = [start for entry in entries for start in _starts(package, entry)]
     while left:
         module, name = left.pop()
         if (module, name) in collected:
@@ -75,10 +76,18 @@ def _walk(entries: tuple[str, ...], scripts: Path) -> set[tuple[str, str]]:
     return collected
 
 
+def _starts(package: dict[str, _Module], entry: str) -> list[tuple[str, str]]:
+    """The definitions that an entry point stands for."""
+    module, _, name = entry.partition(":")
+    if name and name not in package[module].units:
+        raise KeyError(entry)
+    return [(module, one) for one in ([name] if name else package[module].units)]
+
+
 def _resolved(package: dict[str, _Module], module: str, use: str) -> Iterator[tuple[str, str]]:
     """The definitions behind a name used in a module; nothing for plumbing, other packages and built-in names."""
-    first, _, attribute = use.partition(".")
-    where, _, name = first.rpartition(":")
+    where, _, dotted = use.rpartition(":")
+    name, _, attribute = dotted.partition(".")
     if not where and name in package[module].units:
         yield module, name
         return

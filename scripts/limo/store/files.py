@@ -8,6 +8,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -99,3 +100,11 @@ def read_json(path: Path) -> dict[str, Any]:
     if not isinstance(data, dict):
         raise ResultError(f"{path}: not a JSON object")
     return data
+
+
+def finite_number(data: Mapping[str, Any], key: str) -> float | None:
+    """A finite number from plain data, None for anything else."""
+    value = data.get(key)
+    # whole numbers of JSON may be larger than any float
+    usable = isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
+    return value if usable else None

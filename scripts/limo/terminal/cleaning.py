@@ -12,15 +12,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from limo.cases.plan import make_plan
+from limo.config.builds import find_engines
 from limo.config.load import load_config
-from limo.engines.find import find_engines
+from limo.engines.find import find_engine
 from limo.errors import LimoError
 from limo.reliability.stress_cases import stress_cases
+from limo.schema.section import ENGINES
 from limo.store.progress import solving_since
 
 KINDS = ("leftovers", "cases")
-#: large files of CalculiX that are needed only while their case is read
-SOLVER_FILES = ("*.frd", "*.dat", "*.12d", "*.eig", "spooles.out")
 OLD = 3600.0  # s after which nobody is still writing a file
 _RULES = ("solve_case", "measure_case", "write_fields")
 
@@ -73,7 +73,7 @@ def _used(config_files: Sequence[str], results: Path) -> tuple[set[str], set[str
     meshes: set[str] = set()
     for file in config_files:
         loaded = load_config(file)
-        find_engines(loaded, file)
+        find_engines(loaded, file, strict=True)
         plan = make_plan(loaded, results).with_cases(stress_cases(loaded).values())
         cases.update(plan.cases)
         meshes.update(case.mesh_id for case in plan.cases.values())
@@ -82,7 +82,8 @@ def _used(config_files: Sequence[str], results: Path) -> tuple[set[str], set[str
 
 def _leftovers(cases: Sequence[Path]) -> list[Rubbish]:
     folders = [case for case in cases if not case.is_symlink()]
-    files = {file: None for case in folders for pattern in SOLVER_FILES for file in (case / "run").glob(pattern)}
+    patterns = [pattern for name in ENGINES for pattern in find_engine(name).LARGE_FILES]
+    files = {file: None for case in folders for pattern in patterns for file in (case / "run").glob(pattern)}
     return [Rubbish(file, "left by a solver", size_of(file)) for file in files]
 
 

@@ -17,9 +17,9 @@ from limo.errors import LimoError, ResultError
 from limo.measure.buckling import events, largest_events
 from limo.measure.ramp import read_ramp
 from limo.reports.markdown import shown, text_table
-from limo.store.files import read_json
+from limo.store.files import finite_number, read_json
 from limo.store.progress import solving_since
-from limo.terminal.status import DEVICE, CaseStatus, case_status, ended_status, number, read_ended, short_names
+from limo.terminal.status import DEVICE, CaseStatus, case_status, ended_status, read_ended, short_names
 
 _LISTED = 12  # cases that an error names
 _CURVES = {
@@ -99,7 +99,7 @@ class CaseFolder:
         """Where the case is."""
         ended = read_ended(self.folder)
         if ended is not None and solving_since(self.folder) is None:
-            return ended_status(self.folder.name, ended.status, number(self.described, "actuation_pressure_max"))
+            return ended_status(self.folder.name, ended.status, finite_number(self.described, "actuation_pressure_max"))
         if self.case is not None:
             return case_status(self.case, self.folder)
         return CaseStatus(self.folder.name, "running" if solving_since(self.folder) is not None else "stale")
@@ -135,7 +135,7 @@ def show_case(results: Path, words: Sequence[str], pressures: Sequence[float] = 
     if one.ramp is not None:
         lines += ["", *_volumes(one, pressures), "", *_events(one)]
     if one.ended:
-        lines += ["", "costs: " + ", ".join(_cost(one.ended, key) for key in _COSTS if number(one.ended, key) is not None)]
+        lines += ["", "costs: " + ", ".join(_cost(one.ended, key) for key in _COSTS if finite_number(one.ended, key) is not None)]
     return "\n".join([*lines, "", "files:", *_files(results, one)])
 
 
@@ -181,7 +181,7 @@ def _events(one: CaseFolder) -> list[str]:
 
 def _cost(ended: Mapping[str, Any], key: str) -> str:
     title, unit = _COSTS[key]
-    return f"{title} {number(ended, key):.6g} {unit}".rstrip()
+    return f"{title} {finite_number(ended, key):.6g} {unit}".rstrip()
 
 
 def _files(results: Path, one: CaseFolder) -> list[str]:
@@ -244,7 +244,7 @@ def compare_cases(results: Path, first: str, second: str, step: float = 0.5) -> 
         lines += ["", "no curves to compare: " + ", ".join(str(one.folder) for one in (a, b) if one.ramp is None)]
     rows = []
     for key, (title, unit) in _COSTS.items():
-        left, right = number(a.ended, key), number(b.ended, key)
+        left, right = finite_number(a.ended, key), finite_number(b.ended, key)
         if left is not None and right is not None:
             ratio = f"{right / left:.2f}" if left else "-"
             rows.append((f"{title} [{unit}]" if unit else title, f"{left:.6g}", f"{right:.6g}", ratio))

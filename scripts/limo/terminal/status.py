@@ -8,7 +8,6 @@ process is just writing count as far as they can be read.
 from __future__ import annotations
 
 import re
-import sys
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
@@ -20,17 +19,15 @@ from limo.cases.case import Case
 from limo.cases.cost import predict, schedule, seconds_left, share_done
 from limo.cases.plan import CROSS_CHECK, Plan, make_plan
 from limo.cases.solved import Solved, holds, is_sound
+from limo.config.builds import find_engines
 from limo.config.load import load_config
 from limo.config.project import Loaded
-from limo.engines.calculix.deck import actuation_pressure_at, stage_times
-from limo.engines.calculix.run import JOB
-from limo.engines.calculix.sta import read_sta
-from limo.engines.find import find_engines
+from limo.engines.engine import Place
+from limo.engines.find import find_engine
 from limo.errors import ResultError
-from limo.schema.numerics import Numerics
 from limo.schema.section import STAGES
-from limo.store.files import read_json
-from limo.store.progress import FILE, LOCK, NUMERICS, solving_since
+from limo.store.files import finite_number, read_json
+from limo.store.progress import LOCK, solving_since
 
 ENDED = ("converged", "degraded", "diverged", "timed_out", "crashed")
 FAILED = ("diverged", "timed_out", "crashed", "stale")
@@ -38,7 +35,6 @@ STATUSES = ("running", "waiting", "stale", *ENDED)
 RECENT = 120.0  # s within which files must have grown for a case to run where the file system knows no locks
 #: what a name begins with before its numbers
 DEVICE = re.compile(r"^\w+?_(?=np\d+_pv)")
-_ITERATION = re.compile(rb"^\s+\d+\s+\d+\s+\d+\s+\d+\s", re.MULTILINE)
 
 
 @dataclass(frozen=True)
@@ -61,19 +57,6 @@ class CaseStatus:
     seconds: float | None = None
     seconds_left: float | None = None
     variant: str = ""
-
-
-@dataclass(frozen=True)
-class _Place:
-    """How far a run has come: its stage, P_a reached (kPa), shares of the stages that are done, and counts."""
-
-    stage: str
-    actuation_pressure: float
-    shares: tuple[float, float, float]
-    increments: int
-    cutbacks: int
-    iterations: int
-    written: float  # s since 1970
 
 
 class Sweep:
@@ -125,7 +108,7 @@ def open_sweep(config_file: str, studies: Sequence[str], results: Path, cores: i
     """The sweep of some studies (none: those that the configuration runs). Raises ``ConfigError`` for one that is not there."""
     loaded = load_config(config_file)
     loaded.require(studies, config_file, "limo status pressure_volume")
-    find_engines(loaded, config_file)
+    find_engines(loaded, config_file, studies)
     return Sweep(loaded, make_plan(loaded, results), studies or loaded.config.studies, results, cores)
 
 
@@ -165,7 +148,7 @@ def case_status(case: Case, folder: Path, predicted: float | None = None) -> Cas
     )  # fmt: skip
 
 
-def _where(place: _Place | None, maximum: float) -> dict[str, Any]:
+def _where(place: Place | None, maximum: float) -> dict[str, Any]:
     if place is None:
         return {"actuation_pressure_max": maximum}
     return {
@@ -207,30 +190,22 @@ def fits(solved: Solved, case: Case) -> bool:
 
 def ended_status(name: str, status: Mapping[str, Any], maximum: float | None) -> CaseStatus:
     """The same of a case that has ended, from its ``status.json``."""
-    iterations, seconds = number(status, "iterations"), number(status, "solver_wall_seconds")
+    iterations, seconds = finite_number(status, "iterations"), finite_number(status, "solver_wall_seconds")
     by_stage = status.get("iterations_by_stage")
-    counted = [s for s in STAGES if isinstance(by_stage, dict) and number(by_stage, s)]
+    counted = [s for s in STAGES if isinstance(by_stage, dict) and finite_number(by_stage, s)]
     return CaseStatus(
         name,
         str(status["status"]),
         str(status.get("reason") or ""),
         counted[-1] if counted else "",
-        number(status, "actuation_pressure_reached"),
+        finite_number(status, "actuation_pressure_reached"),
         maximum,
-        _whole(number(status, "increments")),
-        _whole(number(status, "rejected_attempts")),
+        _whole(finite_number(status, "increments")),
+        _whole(finite_number(status, "rejected_attempts")),
         _whole(iterations),
         round(iterations / seconds, 2) if iterations is not None and seconds else None,
         seconds,
     )
-
-
-def number(data: Mapping[str, Any], key: str) -> float | None:
-    """A finite number from plain data, None for anything else."""
-    value = data.get(key)
-    # whole numbers of JSON may be larger than any float
-    usable = isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
-    return value if usable else None
 
 
 def _whole(value: float | None) -> int | None:
@@ -241,49 +216,11 @@ def _whole(value: float | None) -> int | None:
 # cases that were begun
 
 
-def _place(case: Case, folder: Path) -> _Place | None:
+def _place(case: Case, folder: Path) -> Place | None:
     """How far the last run of a case came, by the files of its engine; None while there are none."""
     with suppress(OSError, ValueError, OverflowError):
-        return _place_newton(case, folder / FILE) if case.engine == "newton" else _place_calculix(case, folder / "run")
+        return find_engine(case.engine).progress(folder, case.numerics, case.actuation_pressure_max)
     return None
-
-
-def _place_newton(case: Case, file: Path) -> _Place | None:
-    try:
-        said = read_json(file)
-    except ResultError:
-        return None
-    stage = said.get("stage") if said.get("stage") in STAGES else STAGES[0]
-    pressure = min(max(number(said, "actuation_pressure") or 0.0, 0.0), case.actuation_pressure_max)
-    fitted = min(max(number(said, "fitted") or 0.0, 0.0), 1.0) if stage == "fit" else 1.0
-    counts = (int(number(said, key) or 0) for key in ("increments", "rejected", "iterations"))
-    shares = (fitted, float(stage == "ramp"), pressure / case.actuation_pressure_max)
-    return _Place(stage, pressure, shares, *counts, file.stat().st_mtime)
-
-
-def _place_calculix(case: Case, run: Path) -> _Place | None:
-    """From increments (.sta) and iterations (.cvg), which CalculiX writes as it goes; before these there is the deck."""
-    files = [file for file in (run / f"{JOB}.{end}" for end in ("inp", "sta", "cvg")) if file.exists()]
-    if not files:
-        return None
-    increments = read_sta(run / f"{JOB}.sta")
-    accepted = [i for i in increments if i.accepted]
-    iterations = len(_ITERATION.findall((run / f"{JOB}.cvg").read_bytes())) if run / f"{JOB}.cvg" in files else 0
-    times = stage_times(_numerics(case, run), case.actuation_pressure_max)
-    clock = accepted[-1].total_time if accepted else 0.0
-    shares = tuple(min(max((clock - t.start) / t.duration, 0.0), 1.0) for t in times)
-    stage = next((t.name for t in times if clock < t.end * (1 - 1e-5)), STAGES[-1])  # .sta has six digits
-    pressure = float(actuation_pressure_at(times, case.actuation_pressure_max, clock))
-    written = max(file.stat().st_mtime for file in files)
-    return _Place(stage, pressure, shares, len(accepted), len(increments) - len(accepted), iterations, written)
-
-
-def _numerics(case: Case, run: Path) -> Numerics:
-    """The numerics of the attempt that is running, which a ladder may have changed."""
-    try:
-        return Numerics.model_validate(read_json(run / NUMERICS))
-    except (ResultError, ValueError):
-        return case.numerics
 
 
 def _began(folder: Path) -> float | None:

@@ -12,9 +12,9 @@ import xarray as xr
 from limo.cases.cost import duration, memory_mib, plan_costs, schedule
 from limo.cases.grid import study_cases
 from limo.cases.plan import make_plan
+from limo.config.builds import find_engines
 from limo.config.load import load_config
 from limo.datasets.variables import COORDINATES, SYMBOLS, place
-from limo.engines.find import find_engines
 from limo.errors import ResultError
 from limo.reports.markdown import shown
 from limo.store.files import UNREADABLE
@@ -28,8 +28,8 @@ def plan_table(config_file: str, names: Sequence[str], results: Path, cores: int
     Raises ``ConfigError`` for a mistake in the configuration or a study that it does not have.
     """
     loaded = load_config(config_file)
-    find_engines(loaded, config_file)
     loaded.require(names, config_file, "limo check pressure_volume")
+    find_engines(loaded, config_file, names)
     plan = make_plan(loaded, results)
     costs = plan_costs(plan)
     lines = [f"{config_file}: valid; {', '.join(f'{engine} {build}' for engine, build in sorted(loaded.builds.items()))}"]
@@ -46,7 +46,9 @@ def plan_table(config_file: str, names: Sequence[str], results: Path, cores: int
             *([f"{others} of {len(own_cases)} served by a case beyond them"] if others else []),
             *([f"{len(left)} to solve in {duration(sum(costs[c] for c in left))} of CPU time"] if left else []),
         ]
-        lines.append(f"  {name}: {', '.join(parts)}" + ("  (default)" if name in loaded.config.studies else ""))
+        default = "  (default)" if name in loaded.config.studies else ""
+        lacking = [engine for engine in loaded.engines_of(loaded.studies[name]) if engine not in loaded.builds]
+        lines.append(f"  {name}: {', '.join(parts)}" + default + "".join(f"  (no {engine} here)" for engine in lacking))
     left = together & plan.to_solve
     wall = duration(schedule((costs[c] for c in left), max(cores // loaded.config.solver.threads, 1)))
     total = f"  together {len(together)} distinct cases, {len(left)} to solve"

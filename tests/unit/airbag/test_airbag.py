@@ -9,9 +9,11 @@ import pytest
 import xarray as xr
 
 from limo.airbag import solve as airbag_solution
-from limo.airbag.deck import damping, end_time, write_deck
-from limo.airbag.model import Run, build_model, run_content, runs_of, sheet
+from limo.airbag.model import Run, build_model, degrees_of_freedom, run_content, runs_of, sheet
 from limo.airbag.solve import centre_stress, gather, measure, potential_energy, solve_run
+from limo.engines.calculix.inflation import damping, end_time, write_deck
+from limo.engines.engine import EngineSettings
+from limo.engines.load_path import LoadPath, count_stages
 from limo.engines.newton.assembly import Assembly
 from limo.errors import ResultError
 from limo.figures import airbag_convergence, airbag_shapes, style
@@ -19,8 +21,8 @@ from limo.figures.airbag_shapes import surface
 from limo.reports.accuracy import report
 from limo.reports.accuracy_airbag import airbag_report, keep_airbags, observed_order, read_airbags
 from limo.schema.accuracy import Airbag
+from limo.schema.element import element as find_element
 from limo.schema.figures import AIRBAG_FIGURES
-from limo.schema.solver import Solver
 
 ELEMENTS = ("S3", "S4", "S4R", "S6", "S8", "S8R", "C3D20R", "C3D20")
 NODES = {"S3": 3, "S4": 4, "S4R": 4, "S6": 6, "S8": 8, "S8R": 8, "C3D20R": 8, "C3D20": 8}
@@ -85,7 +87,7 @@ def test_every_run_has_a_name_of_its_own(airbag):
 
 @pytest.mark.parametrize("element", ELEMENTS)
 def test_the_mesh_is_its_own_mirror_image_and_covers_the_quarter(element):
-    flat = sheet(200.0, 3, element)
+    flat = sheet(200.0, 3, find_element(element))
     assert flat.quads.shape[1] == NODES[element]
     number = {tuple(place): n for n, place in enumerate(flat.lattice)}
     mirror = np.array([number[y, x] for x, y in flat.lattice])
@@ -100,7 +102,7 @@ def test_the_mesh_is_its_own_mirror_image_and_covers_the_quarter(element):
 
 @pytest.mark.parametrize("element", ["S6", "S8"])
 def test_mid_side_nodes_lie_between_their_corners(element):
-    flat = sheet(200.0, 3, element)
+    flat = sheet(200.0, 3, find_element(element))
     count = 3 if element == "S6" else 4
     corners = flat.nodes[flat.quads[:, :count]]
     assert np.allclose(flat.nodes[flat.quads[:, count:]], 0.5 * (corners + np.roll(corners, -1, axis=1)))
@@ -108,7 +110,7 @@ def test_mid_side_nodes_lie_between_their_corners(element):
 
 def test_degrees_of_freedom_are_those_of_the_bricks():
     shell, brick = (build_model(flat_airbag(), Run(e, "calculix", 3)) for e in ("S8R", "C3D20R"))
-    assert shell.degrees_of_freedom == brick.degrees_of_freedom == 3 * len(brick.nodes)
+    assert degrees_of_freedom(shell) == degrees_of_freedom(brick) == 3 * len(brick.nodes)
 
 
 @pytest.mark.parametrize("planes", ["symmetric", "hinged"])
@@ -141,19 +143,19 @@ def test_bricks_may_turn_about_the_edge_and_about_hinged_planes_alone(planes):
 
 def test_deck_goes_through_the_path_and_rests(tmp_path):
     airbag = flat_airbag(numerics={"rise": 3.0, "hold": 2.0})
-    write_deck(build_model(airbag, Run("S8R", "calculix", 2, (100.0, 10.0))), tmp_path / "deck.inp")
+    write_deck(build_model(airbag, Run("S8R", "calculix", 2, (100.0, 10.0))), (100.0, 10.0, 1.0), tmp_path / "deck.inp")
     text = (tmp_path / "deck.inp").read_text()
     table = re.search(r"NAME=PATH\n((?:[\d.].*\n)+)", text).group(1).replace("\n", ", ")
     points = np.array([float(x) for x in table.strip(", ").split(",")]).reshape(-1, 2)
     assert np.allclose(points, [(0, 0), (1, 100), (2, 10), (3, 1), (5, 1)])
     assert "DEVICE, P, 0.005" in text
-    assert end_time(airbag) == 5.0
+    assert end_time(airbag.numerics) == 5.0
 
 
 def test_damping_makes_the_share_of_the_pressure_that_is_asked_for():
     airbag = flat_airbag(numerics={"damping_share": 0.2, "rise": 4.0})
     velocity, mass_per_area = 0.5 * airbag.side / 4.0, 170e-12
-    assert mass_per_area * damping(airbag) * velocity == pytest.approx(0.2 * 5e-3)
+    assert mass_per_area * damping(build_model(airbag, Run("S8R", "calculix", 2))) * velocity == pytest.approx(0.2 * 5e-3)
 
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -210,23 +212,42 @@ def test_observed_order_of_a_power():
 
 
 @pytest.fixture
-def dataset(monkeypatch, tmp_path) -> xr.Dataset:
+def ends_with(monkeypatch):
+    """``ends_with(outcome)``: runs end with status, reason and last state, or without one, that ``outcome(model)`` says."""
+
+    def make(outcome):
+        def inflate(model, levels, folder, settings):
+            status, reason, state = outcome(model)
+            states = [] if state is None else [state]
+            count = len(states)
+            return LoadPath(
+                status, reason, np.zeros(count, int), np.zeros(count), np.arange(count, dtype=float), states.__getitem__,
+                precision="float64", is_static=True, in_process=True, iterations=count_stages() | {"fit": 7}, rejected=1,
+                build={}, cpu_seconds=2.0, wall_seconds=2.0, memory=50.0,
+            )  # fmt: skip
+
+        monkeypatch.setattr(airbag_solution, "find_engine", lambda name: SimpleNamespace(inflate=inflate))
+
+    return make
+
+
+@pytest.fixture
+def dataset(ends_with, tmp_path) -> xr.Dataset:
     """Three runs without a solver: a parabolic cap on squares, one on triangles, and a failure without a state."""
     airbag = flat_airbag(references=[{"quantity": "height", "value": 40.0, "source": "nobody"}])
 
-    def solved(model, solver, command):
-        row = {"status": "converged", "reason": "", "cpu_seconds": 2.0, "iterations": 7, "rejected": 1, "memory": 50.0}
-        if model.run.element == "S4R":
-            return row | {"status": "diverged", "reason": "too many cutbacks"}, None
+    def cap(model):
+        if model.element.name == "S4R":
+            return "diverged", "too many cutbacks", None
         moved = np.zeros_like(model.nodes)
         moved[:, 2] = 40 - 0.003 * (model.nodes[:, :2] ** 2).sum(axis=1)
-        return row, moved
+        return "converged", "", moved
 
-    monkeypatch.setattr(airbag_solution, "_solve_calculix", solved)
+    ends_with(cap)
     runs = [Run("S3", "calculix", 3, (100.0,)), Run("S8R", "calculix", 2), Run("S8R", "calculix", 4), Run("S4R", "calculix", 2)]
     files = [tmp_path / f"{run.name}.nc" for run in runs]
     for run, file in zip(runs, files, strict=True):
-        solve_run(airbag, run, Solver()).to_netcdf(file)
+        solve_run(airbag, run, EngineSettings()).to_netcdf(file)
     gather(airbag, "cap", [xr.load_dataset(file) for file in files]).to_netcdf(tmp_path / "gathered.nc")
     return xr.load_dataset(tmp_path / "gathered.nc")
 
@@ -244,10 +265,9 @@ def test_dataset_has_a_row_a_run_and_failures_have_a_reason(dataset):
     assert all({"units", "long_name"} <= set(v.attrs) for n, v in dataset.items() if n not in airbag_solution.TEXT)
 
 
-def test_displacements_beyond_the_side_are_no_result(monkeypatch):
-    row = {"status": "converged", "reason": "", "cpu_seconds": 1.0, "iterations": 1, "rejected": 0, "memory": 1.0}
-    monkeypatch.setattr(airbag_solution, "_solve_calculix", lambda model, *_: (dict(row), 1e11 + 0 * model.nodes))
-    run = solve_run(flat_airbag(), Run("S4", "calculix", 2), Solver())
+def test_displacements_beyond_the_side_are_no_result(ends_with):
+    ends_with(lambda model: ("converged", "", 1e11 + 0 * model.nodes))
+    run = solve_run(flat_airbag(), Run("S4", "calculix", 2), EngineSettings())
     assert run.status.item() == "diverged"
     assert "1e+11" in run.reason.item()
 

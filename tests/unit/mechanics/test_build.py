@@ -213,9 +213,9 @@ def test_conjugate_volumes_change_by_the_virtual_work_of_the_pressures(model_of,
 def test_density_of_the_bricks_carries_the_areal_mass(model_of, quad_areas):
     """170 g/m^2 over 0.19 mm = 8.947e-10 t/mm^3."""
     model = model_of()
-    assert model.density == pytest.approx(8.947e-10, rel=1e-4)
-    thickness = model.case.device.material.thickness
-    assert model.density * thickness * 1e6 == pytest.approx(170e-6), "tonne a square metre"
+    assert model.fabric.density == pytest.approx(8.947e-10, rel=1e-4)
+    thickness = model.fabric.thickness
+    assert model.fabric.density * thickness * 1e6 == pytest.approx(170e-6), "tonne a square metre"
 
 
 def test_a_branch_is_a_tiny_perturbation_that_keeps_edges_and_repeats(make_case, device_mesh):

@@ -50,7 +50,7 @@ def test_pressure_forces_are_the_slope_of_pressure_times_volume(make_case, devic
     direction[device.reference_start :] = 0
     step, p_a = 1e-4, 20.0
     ahead, behind = (np.array(conjugate_volumes(device, u + s * step * direction)) for s in (1, -1))
-    work = (ahead - behind) / (2 * step) @ [device.case.ventricular_pressure, p_a] * 1e-3
+    work = (ahead - behind) / (2 * step) @ [device.loading.ventricular_pressure, p_a] * 1e-3
     force = (pressure_forces(device, u, p_a) * direction).sum() * mesh.copies
     assert force == pytest.approx(work, rel=error)
 

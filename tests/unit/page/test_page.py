@@ -214,7 +214,7 @@ def test_only_what_was_asked_for_is_offered_and_only_where(devices):
 def test_a_case_that_was_not_measured_shows_displacements_alone(folder, tmp_path):
     _, results, model = folder
     shutil.copytree(results, tmp_path / "results")
-    case_id = model.case.case_id
+    case_id = model.name
     (tmp_path / "results/cases" / case_id / "measures.nc").unlink()
     found = Devices(tmp_path / "results")
     found.add(case_id)
@@ -225,7 +225,7 @@ def test_a_case_that_was_not_measured_shows_displacements_alone(folder, tmp_path
 
 def test_pressures_are_dropped_before_cases(folder):
     found = Devices(folder[1])
-    found.add(folder[2].case.case_id)
+    found.add(folder[2].name)
     (case,) = found.cases.values()
     found.cases = {f"case {k}": case for k in range(3)}
     whole = len(json.dumps(found.meshes)) + 3 * len(json.dumps(case))

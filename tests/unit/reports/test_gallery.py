@@ -9,10 +9,10 @@ import xarray as xr
 import yaml
 
 from limo.cases.grid import study_cases
+from limo.config.builds import find_engines
 from limo.config.load import load_config
 from limo.datasets.shapes import gather_shapes
 from limo.datasets.study import gather_study
-from limo.engines.find import find_engines
 from limo.errors import LimoError
 from limo.mechanics.tensile_test import tensile_test
 from limo.reports import gallery

@@ -17,7 +17,7 @@ from limo.mesh.file import write_mesh
 from limo.schema.solver import Solver
 from limo.solve import case as solve_module
 from limo.solve import harvest
-from limo.solve.case import solve_case
+from limo.solve.case import SolveSettings, solve_case
 from limo.solve.judge import Checks
 
 FRAMES = (0.0, 20.0, 60.0)
@@ -68,7 +68,7 @@ def solved(make_case, device_mesh, frd_bytes, tmp_path, monkeypatch):
         script = tmp_path / "ccx"
         script.write_text(f"#!/bin/sh\ncp ../../prepared.sta deck.sta\ncp ../../prepared.frd deck.frd\n{last}\n")
         script.chmod(0o755)
-        status = solve_case(case, tmp_path / "mesh.vtu", tmp_path / "case", Solver(**(limits or {})), script)
+        status = solve_case(case, tmp_path / "mesh.vtu", tmp_path / "case", SolveSettings(Solver(**(limits or {})), script))
         return status, tmp_path / "case", model, times
 
     return run

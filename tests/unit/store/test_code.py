@@ -103,3 +103,24 @@ def test_what_was_read_is_kept_and_read_again_when_a_source_changes(digest_of, t
 def test_an_unknown_entry_point_is_an_error():
     with pytest.raises(KeyError):
         code_module.code_digest("no_such_rule")
+
+
+INSIDE = {
+    "a definition": ("from limo.half import unused as f", "f(x)"),
+    "a module": ("from limo import half as h", "h.unused(x)"),
+}
+
+
+@pytest.mark.parametrize("name", INSIDE)
+def test_what_is_imported_inside_of_a_function_is_followed(digest_of, name):
+    line, call = INSIDE[name]
+    area = AREA.replace("return x * HALF", f"{line}\n\n    return {call} * HALF")
+    assert digest_of(area) != digest_of(area, HALF.replace("return x", "return 2 * x"))
+    assert digest_of(area) == digest_of(area, f"{HALF}\n\ndef more(x):\n    return x\n")
+
+
+def test_a_definition_is_an_entry_point_too(digest_of, tmp_path):
+    digest_of()
+    assert code_module.reached("limo.area:area", scripts=tmp_path) == {("limo.area", "area"), ("limo.half", "HALF")}
+    with pytest.raises(KeyError, match=r"limo\.area:nothing"):
+        code_module.reached("limo.area:nothing", scripts=tmp_path)

@@ -9,8 +9,8 @@ import pytest
 
 from limo.cases.case import describe
 from limo.cases.grid import study_cases
+from limo.config.builds import find_engines
 from limo.config.load import load_config
-from limo.engines.find import find_engines
 from limo.errors import LimoError
 from limo.store.files import write_json
 from limo.store.progress import solving

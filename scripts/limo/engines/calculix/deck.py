@@ -71,8 +71,8 @@ def geometry(model: Model) -> list[str]:
     """*NODE, *ELEMENT: ids count from one in the model's order."""
     lines = ["*NODE, NSET=ALL"]
     lines += [f"{i + 1}, {x:.12g}, {y:.12g}, {z:.12g}" for i, (x, y, z) in enumerate(model.nodes)]
-    connectivity = model.mesh.quads if model.is_shell else model.expansion.bricks
-    lines.append(f"*ELEMENT, TYPE={model.case.mesh.element}, ELSET=DEVICE")
+    connectivity = model.mesh.quads if model.element.is_shell else model.expansion.bricks
+    lines.append(f"*ELEMENT, TYPE={model.element.name}, ELSET=DEVICE")
     for i, nodes in enumerate(connectivity + 1):
         row = [str(i + 1), *map(str, nodes)]
         lines += [", ".join(row[:11]) + ","] * (len(row) > 11)
@@ -91,23 +91,23 @@ def _sets(model: Model) -> list[str]:
 
 def fabric(model: Model, name: str, stiffness_ratio: float, damping: float) -> list[str]:
     """A St. Venant-Kirchhoff fabric on the elements of a set of the same name; mass-proportional ``damping`` in 1/s."""
-    material = model.case.device.material
+    material = model.fabric
     lines = [
         f"*MATERIAL, NAME={name}",
         "*ELASTIC",
         f"{number(stiffness_ratio * material.youngs_modulus)}, {number(material.poisson_ratio)}",
         "*DENSITY",
-        number(model.density),
+        number(model.fabric.density),
     ]
     if damping:
         lines.append(f"*DAMPING, ALPHA={number(damping)}")
-    section = "SHELL" if model.is_shell else "SOLID"
+    section = "SHELL" if model.element.is_shell else "SOLID"
     lines.append(f"*{section} SECTION, ELSET={name}, MATERIAL={name}")
-    return [*lines, number(material.thickness)] if model.is_shell else lines
+    return [*lines, number(material.thickness)] if model.element.is_shell else lines
 
 
 def _materials(model: Model, damping: float) -> list[str]:
-    fabrics = (("FABRIC", 1.0), ("ENDOCARDIUM", model.case.stiffness_ratio))
+    fabrics = (("FABRIC", 1.0), ("ENDOCARDIUM", model.fabric.stiffness_ratio))
     return [line for name, ratio in fabrics for line in fabric(model, name, ratio, damping)]
 
 
@@ -126,7 +126,7 @@ def constraints(model: Model) -> list[str]:
 def _amplitudes(model: Model, times: tuple[StageTime, ...]) -> list[str]:
     """Fitting ramp, and the pressure of each loaded surface in MPa, all over the one step."""
     fit, _, ramp = times
-    ventricular, maximum = (p * KPA for p in (model.case.ventricular_pressure, model.case.actuation_pressure_max))
+    ventricular, maximum = (p * KPA for p in (model.loading.ventricular_pressure, model.loading.actuation_pressure_max))
     lines = ["*AMPLITUDE, NAME=FITTING", f"0, 0, {number(fit.end)}, 1, {number(ramp.end)}, 1"]
     for load in model.pressures:
         start, end = load.ventricular * ventricular, load.ventricular * ventricular + load.actuation * maximum
@@ -164,7 +164,7 @@ def step(
         *_controls(controls),
         *loads,
         # FREQUENCY=1, because volumes are taken at every increment; 2D output keeps the node numbers of shells
-        "*NODE OUTPUT, FREQUENCY=1" + (", OUTPUT=2D" if model.is_shell else ""),
+        "*NODE OUTPUT, FREQUENCY=1" + (", OUTPUT=2D" if model.element.is_shell else ""),
         "U",
         "*END STEP",
     ]
@@ -172,7 +172,7 @@ def step(
 
 def pressure_label(model: Model, load: Pressure) -> str:
     """What *DLOAD calls the side of the elements that a pressure pushes on."""
-    return "P" if model.is_shell else BRICK_SIDE[load.side]
+    return "P" if model.element.is_shell else BRICK_SIDE[load.side]
 
 
 def _stages(model: Model, numerics: Numerics, times: tuple[StageTime, ...], increments: int) -> list[str]:
@@ -182,7 +182,7 @@ def _stages(model: Model, numerics: Numerics, times: tuple[StageTime, ...], incr
     equilibrium knows the reduced rule only, and that leave damping out. In a thin layer the difference is enormous.
     """
     fit, _, ramp = times
-    largest = numerics.largest_increment / model.case.actuation_pressure_max * ramp.duration
+    largest = numerics.largest_increment / model.loading.actuation_pressure_max * ramp.duration
     # CalculiX calls a first increment below a millionth of the step an error
     first = max(numerics.first_increment * fit.duration, 2e-6 * ramp.end)
     limits = (first, ramp.end, min(first, numerics.smallest_increment * fit.duration), largest)
@@ -196,9 +196,9 @@ def _stages(model: Model, numerics: Numerics, times: tuple[StageTime, ...], incr
 
 def write_deck(model: Model, path: Path, increments: int = MOST_INCREMENTS) -> tuple[StageTime, ...]:
     """Write the CalculiX input of a model, to be ended after so many increments; returns the stages on the solver's clock."""
-    numerics = model.case.numerics
-    times = stage_times(numerics, model.case.actuation_pressure_max)
-    lines = [f"** {model.case.case_id}", "** mm, N, MPa, tonne, s"]
+    numerics = model.numerics
+    times = stage_times(numerics, model.loading.actuation_pressure_max)
+    lines = [f"** {model.name}", "** mm, N, MPa, tonne, s"]
     lines += (
         geometry(model)
         + _sets(model)

@@ -1,4 +1,4 @@
-"""CalculiX as an engine: find it, run a deck under watch, and judge how the run ended.
+"""CalculiX on a deck: run it under watch, judge how the run ended, and read its load path.
 
 CalculiX's exit code alone says little: it is 0 with a missing deck and with nonsense from a singular model, and a
 diverged run still writes one last frame. A run has converged when the exit code is 0, the log has no ``*ERROR``, and the
@@ -22,12 +22,11 @@ from pathlib import Path
 
 import numpy as np
 
-from limo.engines import Path as EnginePath
-from limo.engines import count_stages
 from limo.engines.calculix.build import solver_build
 from limo.engines.calculix.deck import StageTime, actuation_pressure_at, write_deck
 from limo.engines.calculix.frd import Frame, FrdFile
 from limo.engines.calculix.sta import Increment, read_sta
+from limo.engines.load_path import LoadPath, count_stages
 from limo.errors import ResultError
 from limo.mechanics.model import Model
 from limo.schema.section import STAGES
@@ -75,20 +74,19 @@ class Run:
         return sum(i.iterations for i in self.increments)
 
 
-@contextlib.contextmanager
-def solve(model: Model, folder: Path, solver: Solver, command: Path) -> Iterator[EnginePath]:
-    """Run a model in ``folder``; the path reads displacements from the solver's results as long as the block lasts."""
-    case = model.case
+def solve(model: Model, folder: Path, solver: Solver, command: Path) -> LoadPath:
+    """Run a model in ``folder``; the path reads displacements from the solver's results until it is closed."""
     times = write_deck(model, folder / f"{JOB}.inp")
-    with results(folder, run(folder, command, solver, times[-1].end)) as (outcome, frd, usable):
+    with contextlib.ExitStack() as stack:
+        outcome, frd, usable = stack.enter_context(results(folder, run(folder, command, solver, times[-1].end)))
         clock = np.array([f.time for f in usable], float)
-        yield EnginePath(
+        return LoadPath(
             status=outcome.status,
             reason=outcome.reason,
             ended_in=_stage_at_the_end(outcome, times),
             interrupted=outcome.interrupted,
             stage=np.searchsorted([t.end * (1 + 1e-9) for t in times[:-1]], clock),
-            pressure=actuation_pressure_at(times, case.actuation_pressure_max, clock),
+            pressure=actuation_pressure_at(times, model.loading.actuation_pressure_max, clock),
             clock=clock,
             displacements=lambda k: frd.displacements(usable[k], len(model.nodes)),
             precision="float32",
@@ -100,6 +98,7 @@ def solve(model: Model, folder: Path, solver: Solver, command: Path) -> Iterator
             cpu_seconds=outcome.cpu_seconds,
             wall_seconds=outcome.wall_seconds,
             memory=outcome.memory,
+            close=stack.pop_all().close,
         )
 
 

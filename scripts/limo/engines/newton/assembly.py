@@ -36,13 +36,13 @@ class Assembly:
         self.model = model
         shell = model.expansion
         self.bricks = np.ascontiguousarray(shell.bricks, np.int32)
-        local, weights = gauss(model.gauss_points, 3)
+        local, weights = gauss(model.element.gauss_points, 3)
         _, slopes = hex20_shape(local)
         jacobian = np.einsum("gnd,mnk->mgkd", slopes, shell.nodes[shell.bricks])
         gradient = np.einsum("gnd,mgdk->mgkn", slopes, np.linalg.inv(jacobian))  # dN_n / dX_k
         self._gradient = np.ascontiguousarray(gradient).reshape(len(shell.bricks), 3 * len(local), 20)
         self._volume = np.linalg.det(jacobian) * weights
-        self._lame = np.stack(lame(model.youngs_modulus, model.case.device.material.poisson_ratio), axis=1)
+        self._lame = np.stack(lame(model.youngs_modulus, model.fabric.poisson_ratio), axis=1)
         self._faces = _Faces(model)
         self._placed: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
         self._known: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
@@ -183,7 +183,7 @@ class Assembly:
         shapes, slopes = hex20_shape(local)
         jacobian = np.einsum("gnd,mnk->mgkd", slopes, shell.nodes[shell.bricks])
         volume = np.linalg.det(jacobian) * weights
-        element = self.model.density * np.einsum("gn,gp,mg->mnp", shapes, shapes, volume, optimize=True)
+        element = self.model.fabric.density * np.einsum("gn,gp,mg->mnp", shapes, shapes, volume, optimize=True)
         blocks = np.zeros((len(element), 20, len(PAIRS), 20))
         blocks[:, :, :3] = element[:, :, None]
         entries = blocks.reshape(len(element), -1)[:, self._sources]
@@ -204,7 +204,7 @@ class _Faces:
             weights.append(np.tile([sign * KPA * load.ventricular, sign * KPA * load.actuation], (len(load.quads), 1)))
         self.nodes = np.vstack(nodes)
         self._weights = np.vstack(weights)
-        local, rule = gauss(model.gauss_points, 2)
+        local, rule = gauss(model.element.gauss_points, 2)
         values, slopes = quad8_shape(local)
         self._values = np.ascontiguousarray((values * rule[:, None]).T)  # (8, g)
         self._slopes = np.vstack([slopes[:, :, 0], slopes[:, :, 1]])  # (2 g, 8)

@@ -26,9 +26,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from limo.engines import Path, count_stages
+from limo.engines.load_path import LoadPath, count_stages
 from limo.engines.newton.assembly import Assembly
-from limo.engines.newton.pardiso import FactorisationError, SymmetricSolver, mkl_version, set_threads
+from limo.engines.newton.build import mkl_version
+from limo.engines.newton.pardiso import FactorisationError, SymmetricSolver, set_threads
 from limo.mechanics.model import Model
 from limo.schema.numerics import Newton
 from limo.schema.section import STAGES
@@ -86,7 +87,7 @@ class _State:
     rejected: int = 0
 
 
-def solve(model: Model, solver: Solver, start: np.ndarray | None = None, after: Path | None = None) -> Path:
+def solve(model: Model, solver: Solver, start: np.ndarray | None = None, after: LoadPath | None = None) -> LoadPath:
     """Carry a model through fit and ramp; a state at rest stands between them, so the hold takes no time.
 
     ``start`` (n, 3) in mm, a state with the valve fitted and P_v on, takes the place of the fit; it may lack the reference
@@ -94,7 +95,7 @@ def solve(model: Model, solver: Solver, start: np.ndarray | None = None, after: 
     equilibrium; it is part of the path that is returned, its costs are not. Never raises for a model that does not converge:
     what was accepted is in the path, with status and reason.
     """
-    settings, case = model.case.numerics.newton, model.case
+    settings, ventricular = model.numerics.newton, model.loading.ventricular_pressure
     began, used = time.monotonic(), _cpu_seconds()
     set_threads(solver.threads)
     run = _Run(model, settings, began + 60 * solver.time_limit)
@@ -106,11 +107,11 @@ def solve(model: Model, solver: Solver, start: np.ndarray | None = None, after: 
             run.carry_on(after)
         elif start is None:
             for share in np.arange(1, settings.fit_steps + 1) / settings.fit_steps:
-                run.advance(FIT, share, share * case.ventricular_pressure, 0.0)
+                run.advance(FIT, share, share * ventricular, 0.0)
         else:
             run.start_from(start)
         if not resumed:
-            run.advance(HOLD, 1.0, case.ventricular_pressure, 0.0)
+            run.advance(HOLD, 1.0, ventricular, 0.0)
         run.ramp()
     except _StopError as stop:
         status, reason = stop.status, stop.reason
@@ -123,7 +124,7 @@ def solve(model: Model, solver: Solver, start: np.ndarray | None = None, after: 
         memory = run.solver.memory
         run.close()
     state = run.state
-    return Path(
+    return LoadPath(
         status=status,
         reason=reason,
         stage=np.array(run.stages, int),
@@ -160,8 +161,7 @@ class _Run:
         self.model, self.settings, self.deadline = model, settings, deadline
         self.assembly = Assembly(model)
         self.solver = SymmetricSolver(self.assembly.indptr, self.assembly.indices, definite=True, groups=self.assembly.nodes)
-        length = model.case.device.pattern.length
-        self.largest, self.rejected = settings.largest_step * length, settings.rejected_step * length
+        self.largest, self.rejected = settings.largest_step * model.length, settings.rejected_step * model.length
         self.state = _State(np.zeros(self.assembly.size), shift=settings.first_shift)
         self.stages: list[int] = []
         self.pressures: list[float] = []
@@ -181,7 +181,7 @@ class _Run:
         whole[: len(displacements)] = displacements
         self.state.free = self.assembly.gather_free(whole)
 
-    def carry_on(self, path: Path) -> None:
+    def carry_on(self, path: LoadPath) -> None:
         """Begin where a path ended, with all that it accepted."""
         self.stages, self.pressures = path.stage.tolist(), path.pressure.tolist()
         self.kept = [path.displacements(k) for k in range(len(self.stages))]
@@ -256,8 +256,8 @@ class _Run:
 
         A lower maximum leaves the steps below it as they are, so that a case that goes further passes through the same states.
         """
-        case, settings, state = self.model.case, self.settings, self.state
-        ventricular, maximum = case.ventricular_pressure, case.actuation_pressure_max
+        loading, settings, state = self.model.loading, self.settings, self.state
+        ventricular, maximum = loading.ventricular_pressure, loading.actuation_pressure_max
         pressure, easy = self.pressures[-1], False  # zero, or where an earlier attempt ended
         steps = int(pressure / settings.load_step + _CLOSE)
         while pressure < maximum - _CLOSE:
@@ -266,7 +266,7 @@ class _Run:
             left, done = state.free, sum(state.iterations.values())
             self.advance(RAMP, 1.0, ventricular, pressure)
             easy = sum(state.iterations.values()) - done <= EASY
-            self.visit([f for f in case.frames if before + _CLOSE < f < pressure - _CLOSE], before, left, easy)
+            self.visit([f for f in loading.frames if before + _CLOSE < f < pressure - _CLOSE], before, left, easy)
 
     def visit(self, frames: list[float], before: float, left: np.ndarray, easy: bool) -> None:
         """Find the equilibria at frames (kPa) within the last step, which left free displacements ``left`` at P_a ``before``.
@@ -277,7 +277,7 @@ class _Run:
         state, arrived, pressure, end = self.state, replace(self.state), self.pressures[-1], len(self.stages) - 1
         for place, frame in enumerate(frames):
             state.free = left + easy * (frame - before) / (pressure - before) * (arrived.free - left)
-            self.advance(RAMP, 1.0, self.model.case.ventricular_pressure, frame)
+            self.advance(RAMP, 1.0, self.model.loading.ventricular_pressure, frame)
             for history in (self.stages, self.pressures, self.kept, self.residuals):
                 history.insert(end + place, history.pop())
         state.free, state.shift, state.last_shift = arrived.free, arrived.shift, arrived.last_shift

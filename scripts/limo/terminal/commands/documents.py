@@ -162,8 +162,8 @@ def add_reliability(commands: arguments.Commands) -> None:
 
 
 def _reliability(chosen: argparse.Namespace) -> None:
+    from limo.config.builds import find_engines
     from limo.config.load import load_config
-    from limo.engines.find import find_engines
 
     if chosen.doing == "report":
         from limo.reports.reliability import draw_band, renewed
@@ -174,7 +174,7 @@ def _reliability(chosen: argparse.Namespace) -> None:
         draw_band(chosen.data, chosen.document.with_name("reliability_paths.png"))
         return
     loaded = load_config(chosen.config)
-    find_engines(loaded, chosen.config)
+    find_engines(loaded, chosen.config, strict=True)
     if chosen.doing == "record":
         from limo.reliability.stress_test import record_stress_test
 

@@ -104,11 +104,11 @@ def test_nodes_and_elements_come_back_as_they_were(written):
     rows = np.array(node_card.rows, float)
     np.testing.assert_array_equal(rows[:, 0], np.arange(1, len(model.nodes) + 1))
     np.testing.assert_allclose(rows[:, 1:], model.nodes, atol=1e-9)
-    expected = model.mesh.quads if model.is_shell else model.expansion.bricks
+    expected = model.mesh.quads if model.element.is_shell else model.expansion.bricks
     read = np.array(flat(element_card), int).reshape(len(expected), -1)
     np.testing.assert_array_equal(read[:, 0], np.arange(1, len(expected) + 1))
     np.testing.assert_array_equal(read[:, 1:] - 1, expected)
-    assert element_card.options["TYPE"] == model.case.mesh.element
+    assert element_card.options["TYPE"] == model.element.name
 
 
 def test_two_materials_cover_the_device(written):
@@ -119,9 +119,9 @@ def test_two_materials_cover_the_device(written):
     for name, elastic in zip(modulus, cards_of(cards, "*ELASTIC"), strict=True):
         assert [float(c) for c in flat(elastic)] == pytest.approx([modulus[name], 0.33])
         (section,) = [c for c in cards if c.name.endswith("SECTION") and c.options["ELSET"] == name]
-        assert section.name == ("*SHELL SECTION" if model.is_shell else "*SOLID SECTION")
+        assert section.name == ("*SHELL SECTION" if model.element.is_shell else "*SOLID SECTION")
         assert section.options["MATERIAL"] == name
-        assert flat(section) == (["0.19"] if model.is_shell else [])
+        assert flat(section) == (["0.19"] if model.element.is_shell else [])
     densities = [float(flat(c)[0]) for c in cards_of(cards, "*DENSITY")]
     assert densities == pytest.approx([8.947e-10] * 2, rel=1e-4), "170 g/m^2 over 0.19 mm in t/mm^3"
     np.testing.assert_array_equal(np.sort(np.concatenate([sets[n] for n in modulus])), np.arange(len(model.mesh.quads)))
@@ -142,8 +142,8 @@ def test_every_layer_carries_its_pressure(written):
         (amplitude,) = cards_of(cards, "*AMPLITUDE", NAME=load.options["AMPLITUDE"])
         values = np.array(flat(amplitude), float).reshape(-1, 2)
         layer, face = surface.split("_")
-        sign = -1.0 if face == "BACK" and model.is_shell else 1.0
-        expected_label = "P" if model.is_shell else ("P1" if face == "FRONT" else "P2")
+        sign = -1.0 if face == "BACK" and model.element.is_shell else 1.0
+        expected_label = "P" if model.element.is_shell else ("P1" if face == "FRONT" else "P2")
         assert (label, float(factor)) == (expected_label, 1.0)
         assert (np.diff(values[:, 0]) > 0).all()
         np.testing.assert_allclose(np.interp([times[0].end, times[1].end], *values.T), sign * ends[layer][0], atol=1e-15)
@@ -178,7 +178,7 @@ def test_one_dynamic_step_lasts_as_long_as_all_stages(written):
     (step,), (dynamic,) = cards_of(cards, "*STEP"), cards_of(cards, "*DYNAMIC")
     assert "NLGEOM" in step.options
     assert cards[-1].name == "*END STEP"
-    assert float(dynamic.options["ALPHA"]) == pytest.approx(model.case.numerics.hht_alpha)
+    assert float(dynamic.options["ALPHA"]) == pytest.approx(model.numerics.hht_alpha)
     first, length, smallest, largest = map(float, flat(dynamic))
     assert length == pytest.approx(times[-1].end)
     assert smallest < first <= largest <= length
@@ -195,7 +195,7 @@ def test_displacements_are_written_at_every_increment(written):
     (output,) = cards_of(cards, "*NODE OUTPUT")
     assert output.options["FREQUENCY"] == "1"
     assert flat(output) == ["U"]
-    assert (output.options.get("OUTPUT") == "2D") == model.is_shell, "3D output renumbers the nodes of shells"
+    assert (output.options.get("OUTPUT") == "2D") == model.element.is_shell, "3D output renumbers the nodes of shells"
 
 
 def test_writing_twice_gives_the_same_bytes(written, tmp_path):

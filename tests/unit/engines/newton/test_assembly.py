@@ -80,7 +80,7 @@ def test_forces_are_those_of_the_equilibrium_check(make_model, element, symmetry
     assembly = Assembly(model)
     u = deformed(assembly)
     expected = internal_forces(model, u), pressure_forces(model, u, ACTUATION)
-    for forces, reference in zip(assembly.forces(u, model.case.ventricular_pressure, ACTUATION), expected, strict=True):
+    for forces, reference in zip(assembly.forces(u, model.loading.ventricular_pressure, ACTUATION), expected, strict=True):
         assert np.abs(forces - reference).max() < 1e-12 * np.abs(reference).max()
 
 
@@ -136,7 +136,7 @@ def test_the_tangent_of_the_fabric_is_the_slope_of_its_forces(make_model, elemen
 def test_the_tangent_of_the_pressures_is_the_symmetric_part_of_the_slope_of_their_forces(make_model, element):
     """x . K y = (x . F'(y) + y . F'(x)) / 2, whatever x and y."""
     model = make_model(element)
-    assembly, p_v = Assembly(model), model.case.ventricular_pressure
+    assembly, p_v = Assembly(model), model.loading.ventricular_pressure
     u = deformed(assembly)
     loaded, bare = (assembly.tangent(u, *p) for p in ((p_v, ACTUATION), (0.0, 0.0)))
     matrix = whole(assembly, loaded - bare)
@@ -152,7 +152,7 @@ def test_the_tangent_of_the_pressures_is_the_symmetric_part_of_the_slope_of_thei
 def test_what_the_pressures_lack_of_symmetry_comes_from_single_edges(make_model, element, inner):
     """Where no edge of the model moves, the tangent is the slope itself: exactly with 3 x 3 points, nearly with 2 x 2."""
     model = make_model(element)
-    assembly, p_v = Assembly(model), model.case.ventricular_pressure
+    assembly, p_v = Assembly(model), model.loading.ventricular_pressure
     u = deformed(assembly)
     loaded, bare = (assembly.tangent(u, *p) for p in ((p_v, ACTUATION), (0.0, 0.0)))
     matrix = whole(assembly, loaded - bare)
@@ -252,9 +252,7 @@ def test_a_rigid_motion_needs_no_forces_and_neither_do_small_ones_from_there(pat
     assembly, rotation = Assembly(patch), Rotation.random(random_state=3).as_matrix()
     u = turned(patch, np.zeros_like(patch.nodes), rotation)
     inside, _ = assembly.forces(u, 0.0, 0.0)
-    stiffness = (
-        patch.case.device.material.youngs_modulus * patch.case.device.material.thickness
-    )  # N for a strain of one over 1 mm
+    stiffness = patch.fabric.youngs_modulus * patch.fabric.thickness  # N for a strain of one over 1 mm
     assert np.abs(inside).max() < 1e-10 * stiffness
     assert stored_energy(patch, u) < 1e-20 * stiffness
     matrix = whole(assembly, assembly.tangent(u, 0.0, 0.0))
