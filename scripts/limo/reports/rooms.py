@@ -10,16 +10,17 @@ from pathlib import Path
 
 import pandas as pd
 
-from limo.cases.case import ENGINE_CODE
+from limo.cases.case import engine_code
 from limo.errors import ResultError
 from limo.reports.markdown import markdown_table
 from limo.schema.figures import AIRBAG_FIGURES, DEVICE_FIGURES, FIGURES
+from limo.schema.section import ENGINES
 from limo.store.code import reached
 
 PACKAGE = Path("scripts/limo")
 #: rooms, ground first: a room imports only from rooms before it
 ORDER = (
-    *("errors", "door", "schema", "store", "geometry", "config", "mesh", "cases", "mechanics", "engines", "measure", "solve"),
+    *("errors", "door", "schema", "store", "geometry", "mesh", "mechanics", "engines", "config", "cases", "measure", "solve"),
     *("datasets", "airbag", "accuracy", "reliability", "figures", "drawings", "page", "reports", "terminal"),
 )
 
@@ -121,13 +122,20 @@ def _imported(tree: ast.AST, package: str) -> Iterator[str]:
 # what a change re-runs
 
 
+#: a rule by engine, and what the engine does for it
+TASK = re.compile(r'code_digest\(\s*"(\w+)",\s*engine_code\([^"]*"(\w+)"\)')
+
+
 def rules(root: Path) -> dict[str, tuple[str, ...]]:
     """The rules whose results depend on code, with the entry points of that code; figures have entries of their own."""
     texts = [file.read_text(encoding="utf-8") for file in sorted((root / "workflow/rules").glob("*.smk"))]
     named = {name for text in texts for name in re.findall(r'code_digest\(\s*"(\w+)"', text)} | {"solve_case"}
-    engines = {name for text in texts for name in re.findall(r'code_digest\(\s*"(\w+)",\s*ENGINE_CODE', text)} | {"solve_case"}
+    tasks = {"solve_case": "solve"} | dict(TASK.findall("\n".join(texts)))
     named.discard("draw_figure")
-    return {name: (name, *(ENGINE_CODE.values() if name in engines else ())) for name in sorted(named)}
+    return {
+        name: (name, *((engine_code(engine, tasks[name]) for engine in ENGINES) if name in tasks else ()))
+        for name in sorted(named)
+    }
 
 
 def results(root: Path) -> str:

@@ -7,12 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from limo.cases.case import ENGINE_CODE
+from limo.cases.case import engine_code
 from limo.schema.figures import AIRBAG_FIGURES, DEVICE_FIGURES, FIGURES
+from limo.schema.section import ENGINES
 from limo.store import code as code_module
 
-#: rules whose scripts run an engine: each counts by engine
-BY_ENGINE = ("solve_case", "solve_airbag", "measure_scaling")
+#: rules whose scripts run an engine, and what it does for them: each counts by engine
+BY_ENGINE = {"solve_case": "solve", "solve_airbag": "inflate", "measure_scaling": "sample"}
 SOLVE = {"solve_case calculix", "solve_case newton"}
 AIRBAG = {"solve_airbag calculix", "solve_airbag newton"}
 SCALING = {"measure_scaling calculix", "measure_scaling newton"}
@@ -29,8 +30,8 @@ DECIDES = {
     "mechanics.kinematics:green_lagrange": {*SOLVE, *AIRBAG, *OF_FRAMES},
     "mechanics.constitutive:von_mises": {*SOLVE, *OF_FRAMES},
     "mechanics.tensile_test:tensile_test": {"fit_material"},
-    "engines.calculix.deck:write_deck": {"solve_case calculix", "solve_airbag calculix", "measure_scaling calculix"},
-    "engines.calculix.frd:FrdFile": {"solve_case calculix", "solve_airbag calculix", "measure_scaling calculix"},
+    "engines.calculix.deck:write_deck": {"solve_case calculix", "measure_scaling calculix"},
+    "engines.calculix.frd:FrdFile": {"solve_case calculix", "solve_airbag calculix"},
     "engines.newton.assembly:Assembly": {"solve_case newton", "solve_airbag newton", "measure_scaling newton", "stress_test"},
     "engines.newton.pardiso:elimination_order": {"solve_case newton", "solve_airbag newton", "measure_scaling newton"},
     "solve.judge:verdict": SOLVE,
@@ -76,7 +77,7 @@ def entries(scripts: Path) -> dict[str, tuple[str, ...]]:
     found = {}
     for name in sorted(file.stem for file in scripts.glob("*.py")):
         if name in BY_ENGINE:
-            found |= {f"{name} {engine}": (name, module) for engine, module in ENGINE_CODE.items()}
+            found |= {f"{name} {engine}": (name, engine_code(engine, BY_ENGINE[name])) for engine in ENGINES}
         elif name == "draw_figure":
             figures = (*FIGURES, *AIRBAG_FIGURES, *DEVICE_FIGURES)
             found |= {f"figure {figure}": (name, f"limo.figures.{figure}") for figure in figures}
