@@ -1,5 +1,6 @@
 """From the studies in config/ to datasets and figures: mesh -> solve -> gather -> draw; and measured errors (accuracy)."""
 
+import shlex
 import sys
 
 from snakemake.exceptions import WorkflowError
@@ -20,6 +21,7 @@ from limo.case import (
     digest,
     solve_code,
 )
+from limo.checkout import check_folder, check_results
 from limo.config import ENGINES, load_config
 from limo.cost import plan_costs, ranks
 from limo.device_runs import KEPT_PARTS, TIMED_PARTS, error_studies, kept_file, lacking
@@ -34,7 +36,12 @@ from limo.sampling import stress_cases
 
 CONFIG_FILE = config.get("file", "config/config.yaml")
 KEPT_FOLDER = Path("docs/gallery/data")
+# Snakemake puts this path into command lines as it is, whatever blanks it has; what is quoted already does not exist
+if Path(sys.executable).exists():
+    sys.executable = shlex.quote(sys.executable)
 try:
+    check_folder(workflow.basedir)
+    check_results(Path.cwd())
     for key, value in config.items():
         if key not in ("file", "solving"):  # the second is set below, for scripts
             expected = f"the key file alone: {key} is a line of that file"

@@ -253,8 +253,10 @@ def _cores(parser: argparse.ArgumentParser) -> None:
 
 
 def _check(chosen: argparse.Namespace) -> None:
+    from limo.checkout import check_folder
     from limo.tables import plan_table
 
+    check_folder(Path(__file__).parents[2])
     print(plan_table(chosen.config, chosen.studies, chosen.results, chosen.cores))
     if chosen.draw:
         from limo.drawing import draw_studies

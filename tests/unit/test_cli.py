@@ -1,5 +1,6 @@
 """The command line: its help, exit codes, completion, and new studies."""
 
+import shlex
 import shutil
 import subprocess
 import sys
@@ -65,7 +66,7 @@ def test_exit_codes_tell_mistakes_from_misuse(project, capsys):
 
 def test_a_reader_that_goes_away_is_no_error(project):
     done = subprocess.run(
-        f"{sys.executable} -m limo.cli check | head -1; exit ${{PIPESTATUS[0]}}",
+        f"{shlex.quote(sys.executable)} -m limo.cli check | head -1; exit ${{PIPESTATUS[0]}}",
         shell=True, executable="/bin/bash", capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert "Traceback" not in done.stderr
@@ -148,7 +149,7 @@ def test_bash_completes_with_the_script(project, tmp_path):
     """As the Tab key does it: bash calls the function with the words so far."""
     limo = tmp_path / "bin" / "limo"
     limo.parent.mkdir()
-    limo.write_text(f'#!/bin/sh\nexec {sys.executable} -m limo.cli "$@"\n')
+    limo.write_text(f'#!/bin/sh\nexec {shlex.quote(sys.executable)} -m limo.cli "$@"\n')
     limo.chmod(0o755)
     lines = [
         f"PATH={limo.parent}:$PATH",
