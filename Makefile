@@ -82,7 +82,7 @@ schemas: setup ## write the schemas of the configuration files
 	@$(BIN)/python -m limo.config.json_schemas workflow/schemas
 
 lock: ## write requirements.lock anew from pyproject.toml (delete it first to renew every pin)
-	@$${PYTHON:-python3} -m venv --clear .local/lock
+	@"$${PYTHON:-python3}" -m venv --clear .local/lock
 	@.local/lock/bin/python -m pip install --quiet --disable-pip-version-check uv
 	@.local/lock/bin/uv pip compile --quiet --universal --generate-hashes --python-version 3.11 --extra dev \
 		--no-annotate --no-emit-index-url --custom-compile-command 'make lock' --output-file requirements.lock pyproject.toml

@@ -1,5 +1,6 @@
 """From the studies in config/ to datasets and figures: mesh -> solve -> gather -> draw; and measured errors (accuracy)."""
 
+import shlex
 import sys
 
 from snakemake.exceptions import WorkflowError
@@ -13,6 +14,7 @@ from limo.airbag.model import run_content, runs_of
 from limo.cases.case import engine_code, solve_code
 from limo.cases.cost import plan_costs, ranks
 from limo.cases.plan import CROSS_CHECK, make_plan
+from limo.checkout import check_folder, check_results
 from limo.config.builds import find_builds, find_engines
 from limo.config.load import load_config
 from limo.errors import ConfigError, LimoError
@@ -27,7 +29,12 @@ from limo.store.progress import enter_sweep
 
 CONFIG_FILE = config.get("file", "config/config.yaml")
 KEPT_FOLDER = Path("docs/gallery/data")
+# Snakemake puts this path into command lines as it is, whatever blanks it has; what is quoted already does not exist
+if Path(sys.executable).exists():
+    sys.executable = shlex.quote(sys.executable)
 try:
+    check_folder(workflow.basedir)
+    check_results(Path.cwd())
     for key, value in config.items():
         if key not in ("file", "solving"):  # the second is set below, for scripts
             expected = f"the key file alone: {key} is a line of that file"

@@ -9,6 +9,7 @@ from __future__ import annotations
 import csv
 import os
 import random
+import shlex
 import shutil
 import signal
 import subprocess
@@ -276,7 +277,8 @@ def test_no_memory(tiny, record, tmp_path):
     project = tiny("calculix")
     ccx, limit = ccx_build.find_ccx(Solver()), tmp_path / "limit"
     command = tmp_path / "ccx"
-    command.write_text(f'#!/bin/sh\n[ "$1" = deck ] && [ -f {limit} ] && ulimit -v $(cat {limit})\nexec {ccx} "$@"\n')
+    lines = '[ "$1" = deck ] && [ -f {limit} ] && ulimit -v $(cat {limit})\nexec {ccx} "$@"'
+    command.write_text("#!/bin/sh\n" + lines.format(limit=shlex.quote(str(limit)), ccx=shlex.quote(str(ccx))) + "\n")
     command.chmod(0o755)
     project.edit("config.yaml", lambda d: d.update(solver={"command": str(command)}))
     for kilobytes in (60_000, 200_000):

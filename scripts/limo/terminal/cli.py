@@ -5,7 +5,9 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+from pathlib import Path
 
+from limo.checkout import check_folder
 from limo.errors import LimoError
 from limo.terminal.commands import cases, devices, documents, shell, studies
 from limo.terminal.commands.arguments import DONE, EXIT_CODES, INTERRUPTED, MISTAKE, Commands
@@ -46,6 +48,7 @@ def main(arguments: list[str] | None = None) -> int:
     chosen = parser.parse_args(words)
     chosen.options = options
     try:
+        check_folder(Path(__file__).parents[3])
         return chosen.run(chosen) or DONE
     except LimoError as error:
         print(error, file=sys.stderr)

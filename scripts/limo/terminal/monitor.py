@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import subprocess
@@ -171,7 +172,9 @@ def run_sweep(sweep: Sweep, config_file: str, studies: Sequence[str], cores: int
     """
     log = sweep.results / LOG
     log.parent.mkdir(parents=True, exist_ok=True)
-    command = [sys.executable, "-m", "snakemake", "--cores", str(cores), *studies, *options, "--config", f"file={config_file}"]
+    command = [sys.executable, "-m", "snakemake", "--cores", str(cores), *studies, *options, "--config"]
+    # Snakemake reads it as YAML, where " #" would end it, and takes away quotes at the ends
+    command.append(f"file= {json.dumps(config_file, ensure_ascii=False)} ")
     to.print(f"snakemake runs {', '.join(studies) or 'the studies of the configuration'}; what it says: {log}")
     with log.open("w", encoding="utf-8") as output:
         environment = os.environ | {"OMP_NUM_THREADS": "1"}

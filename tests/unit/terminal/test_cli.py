@@ -3,6 +3,7 @@
 import os
 import pty
 import select
+import shlex
 import shutil
 import subprocess
 import sys
@@ -70,7 +71,7 @@ def test_exit_codes_tell_mistakes_from_misuse(project, capsys):
 
 def test_a_reader_that_goes_away_is_no_error(project):
     done = subprocess.run(
-        f"{sys.executable} -m limo.terminal.cli check | head -1; exit ${{PIPESTATUS[0]}}",
+        f"{shlex.quote(sys.executable)} -m limo.terminal.cli check | head -1; exit ${{PIPESTATUS[0]}}",
         shell=True, executable="/bin/bash", capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert "Traceback" not in done.stderr
@@ -190,7 +191,7 @@ def shell(project):
     """Environment of a shell that finds ``limo``, without start-up files."""
     limo = project / "bin" / "limo"
     limo.parent.mkdir()
-    limo.write_text(f'#!/bin/sh\nexec {sys.executable} -m limo.terminal.cli "$@"\n')
+    limo.write_text(f'#!/bin/sh\nexec {shlex.quote(sys.executable)} -m limo.terminal.cli "$@"\n')
     limo.chmod(0o755)
     return os.environ | {"PATH": f"{limo.parent}:{os.environ['PATH']}", "TERM": "dumb", "PS1": "$ "}
 
