@@ -19,7 +19,7 @@ import pandas as pd
 
 from limo.accuracy.sizes import COLUMNS, MEASURED
 from limo.cases.case import Case
-from limo.config.project import Loaded
+from limo.config.project import Project
 from limo.engines.calculix import build as ccx_build
 from limo.engines.calculix import run as calculix
 from limo.engines.calculix.deck import write_deck
@@ -38,7 +38,7 @@ INCREMENTS, ITERATIONS = 1, 5
 TIME, MEMORY = 1.6, 1.2
 
 
-def scaling_case(loaded: Loaded, engine: str, displacements: int) -> Case:
+def scaling_case(loaded: Project, engine: str, displacements: int) -> Case:
     """The configuration's device for this, with a mesh of about that many displacements."""
     wanted = loaded.config.scaling
     name = loaded.default().numerics
@@ -59,7 +59,7 @@ def scaling_case(loaded: Loaded, engine: str, displacements: int) -> Case:
     )
 
 
-def measure_scaling(loaded: Loaded, engine: str, solver: Solver, command: Path | None) -> pd.DataFrame:
+def measure_scaling(loaded: Project, engine: str, solver: Solver, command: Path | None) -> pd.DataFrame:
     """A row of ``COLUMNS`` for each size of the configuration's ``scaling``, smallest first.
 
     Every size has a process of its own, whose end, whatever it is, is a row.

@@ -1,31 +1,31 @@
-"""Which engines a configuration uses, whether they are there, and which builds of them."""
+"""Which engines are there, and which builds of them."""
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
 
-from limo.config.project import Loaded
 from limo.engines.calculix import build as ccx_build
-from limo.engines.newton import pardiso
+from limo.engines.newton.build import mkl_version
+from limo.schema.solver import Solver
 
 
-def find_engines(loaded: Loaded, config_file: str) -> Path | None:
-    """Find the engines that the studies use and note their builds in ``loaded``; returns CalculiX's executable if it is used.
+@dataclass(frozen=True)
+class Build:
+    """A build of an engine: ``id`` is a part of what determines a result, ``command`` the executable of one that has its own."""
 
-    Raises ``ConfigError`` or ``SolverNotFoundError``.
-    """
-    used = {engine for study in loaded.studies.values() for engine in loaded.engines_of(study)}
-    used.update(loaded.config.stress_test.engines if loaded.config.stress_test else ())
-    return find_builds(loaded, config_file, used)
+    id: str
+    command: Path | None = None
 
 
-def find_builds(loaded: Loaded, config_file: str, engines: Collection[str]) -> Path | None:
-    """The same for ``engines``, whoever uses them."""
-    if "newton" in engines:
-        loaded.builds["newton"] = f"mkl-{pardiso.mkl_version()}"
-    if "calculix" not in engines:
-        return None
-    command = ccx_build.find_ccx(loaded.config.solver, config_file)
-    loaded.builds["calculix"] = ccx_build.build_id(command)
-    return command
+def find_builds(solver: Solver, config_file: str, engines: Iterable[str]) -> dict[str, Build]:
+    """The builds of engines by their names. Raises ``ConfigError`` or ``SolverNotFoundError`` for one that is not there."""
+    return {name: _build(name, solver, config_file) for name in engines}
+
+
+def _build(engine: str, solver: Solver, config_file: str) -> Build:
+    if engine == "newton":
+        return Build(f"mkl-{mkl_version()}")
+    command = ccx_build.find_ccx(solver, config_file)
+    return Build(ccx_build.build_id(command), command)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import logging
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ from limo.measure.buckling import MOST_EVENTS, displacement_difference, events, 
 from limo.measure.contact import endo_through_epi, first_contact, front_through_back
 from limo.measure.fatigue import ENDURANCE, FLAGS, cycles_to_failure, largest_amplitude
 from limo.measure.frames import CaseFrames, open_case
-from limo.measure.quantities import _LABELS, MEASURES
+from limo.measure.quantities import LABELS, MEASURES
 from limo.measure.ramp import read_ramp
 from limo.measure.strain import DEVICE_SIDES, area_of_side, directions, inplane_angle, membrane_principal, side_values
 from limo.measure.stress import area_quantile, summarise, top_average
@@ -32,6 +33,8 @@ from limo.mechanics.layer import SIDES, flat_areas, flat_points, inside_out, lay
 from limo.mechanics.model import Model
 from limo.schema.fatigue import Fatigue
 from limo.store.files import write_netcdf
+from limo.store.results import CaseFiles
+from limo.store.statuses import MEASURED, NOT_MEASURED
 
 log = logging.getLogger(__name__)
 
@@ -43,73 +46,120 @@ def measure_case(case: Case, wanted: Wanted, fatigue: Fatigue, mesh_file: Path, 
     """
     try:
         model, frames = open_case(case, mesh_file, folder)
-        measured = _measure(model, frames, wanted, fatigue, folder).assign_attrs(status="measured", reason="")
+        measured = _measure(model, frames, wanted, fatigue, folder).assign_attrs(status=MEASURED, reason="")
     except LimoError as error:
         log.error("%s", error)
-        measured = xr.Dataset(attrs={"status": "failed", "reason": str(error)})
+        measured = xr.Dataset(attrs={"status": NOT_MEASURED, "reason": str(error)})
     measured.attrs |= {"case": case.case_id, "wanted": json.dumps(wanted.to_dict(), sort_keys=True)}
     if "fatigue" in wanted.outputs:
         measured.attrs["fatigue"] = fatigue.model_dump_json()
     packed = {n: {"zlib": True} for n, v in measured.variables.items() if v.dtype.kind == "f" and v.size > 1000}
-    write_netcdf(measured, folder / "measures.nc", packed, checked=False)
+    write_netcdf(measured, CaseFiles(folder).measures, packed, checked=False)
     return measured
 
 
+@dataclass(frozen=True)
+class _Task:
+    """A case that is measured: model, frames, what is wanted of it, and of its flat points (m, p) where they lie.
+
+    ``away`` are distances in mm, ``areas`` in mm2; ``zone`` counts ``ZONES``.
+    """
+
+    model: Model
+    frames: CaseFrames
+    wanted: Wanted
+    away: dict[str, np.ndarray]
+    zone: np.ndarray
+    near_seam: np.ndarray
+    areas: np.ndarray
+
+    @classmethod
+    def prepare(cls, model: Model, frames: CaseFrames, wanted: Wanted, seam_distance: float) -> _Task:
+        """What is measured of a case; ``seam_distance`` (mm) is how far the surroundings of seams reach."""
+        mesh = model.mesh
+        away = distances(mesh, flat_points(mesh))
+        near_seam = np.minimum(away["seam"], away["outer_edge"]) <= seam_distance
+        return cls(model, frames, wanted, away, zone_of(mesh, away, seam_distance), near_seam, flat_areas(mesh))
+
+    @property
+    def pressures(self) -> list[float]:
+        """All pressures (kPa) that something is asked for at, in order."""
+        return sorted({p for pressures in self.wanted.pressures.values() for p in pressures})
+
+    def is_asked(self, output: str, pressure: float) -> bool:
+        """Whether an output is asked for at a pressure (kPa)."""
+        return pressure in self.wanted.pressures.get(output, ())
+
+    def is_mapped(self, output: str, pressure: float) -> bool:
+        """Whether a map of an output is kept at a pressure (kPa)."""
+        return self.is_asked("fields", pressure) and output in self.wanted.drawn
+
+
+class _Values:
+    """What is measured of one case: ``values`` by the names in ``MEASURES``, maps by name and pressure, membrane strains."""
+
+    def __init__(self, wanted: Wanted, frames: int):
+        sizes = {"frame": frames} | {d: len(v) for d, (_, v, _) in LABELS.items()}
+        self.measures = {n: m for n, m in MEASURES.items() if not m.output or m.output in wanted.outputs}
+        self.values = {n: np.full([sizes[d] for d in m.per], np.nan if m.units else "", object) for n, m in self.measures.items()}
+        self.maps: dict[str, dict[float, np.ndarray]] = {"von_mises": {}, "principal_strain": {}, "strain_angle": {}}
+        self.membrane: list[np.ndarray] = []
+
+    def variables(self) -> dict[str, tuple]:
+        """The values as variables of a dataset."""
+        found = {}
+        for name, measure in self.measures.items():
+            attributes = {"long_name": measure.long_name} | ({"units": measure.units} if measure.units else {})
+            found[name] = (measure.per, self.values[name].astype(float if measure.units else str), attributes)
+        return found
+
+    def labels(self) -> dict[str, tuple]:
+        """The coordinates of the dimensions that they have."""
+        return {d: v for d, v in LABELS.items() if any(d in m.per for m in self.measures.values())}
+
+
 def _measure(model: Model, frames: CaseFrames, wanted: Wanted, fatigue: Fatigue, folder: Path) -> xr.Dataset:
-    mesh, asked = model.mesh, sorted({p for pressures in wanted.pressures.values() for p in pressures})
-    near = fatigue.seam_distance.value
-    away = distances(mesh, flat_points(mesh))
-    zone = zone_of(mesh, away, near)
-    near_seam = np.minimum(away["seam"], away["outer_edge"]) <= near
-    outputs = wanted.outputs
-    areas = flat_areas(mesh)
-    sizes = {"frame": len(asked)} | {d: len(v) for d, (_, v, _) in _LABELS.items()}
-    data = {
-        n: (m.per, np.full([sizes[d] for d in m.per], np.nan if m.units else "", object))
-        for n, m in MEASURES.items()
-        if not m.output or m.output in outputs
-    }
-    values = {n: v for n, (_, v) in data.items()}
-    if "stress" in outputs:
-        values["zone_share"][:] = np.bincount(zone.ravel(), areas.ravel(), minlength=len(ZONES)) / areas.sum()
-    maps: dict[str, dict[float, np.ndarray]] = {"von_mises": {}, "principal_strain": {}, "strain_angle": {}}
-    membrane = []
-    for k, pressure in enumerate(asked):
-        at = frames.find(pressure)
-        if at is None:
-            continue
-        values["frame_pressure"][k] = frames.pressure[at]
-        source = f"{frames.file}, frame at {frames.pressure[at]:g} kPa"
-        u = frames.displacement[at].astype(float)
-        state = layer_state(model, u, surface_points(), source)
-        if pressure in wanted.pressures.get("stress", ()):
-            stress = inside_out(mesh, state.von_mises)
-            _stress(values, k, model, stress, zone)
-            _equilibrium(values, k, model, frames, at, source)
-            if pressure in wanted.pressures.get("fields", ()) and "stress" in wanted.drawn:
-                maps["von_mises"][pressure] = stress
-        strain = inside_out(mesh, state.strain)
-        if pressure in wanted.pressures.get("strain", ()):
-            _strain(values, k, mesh, strain, near_seam)
-            if pressure in wanted.pressures.get("fields", ()) and "strain" in wanted.drawn:
-                maps["principal_strain"][pressure], maps["strain_angle"][pressure] = _strain_maps(strain)
-        if pressure in wanted.pressures.get("fatigue", ()):
-            membrane.append(membrane_principal(strain[:, 1]))
-    dataset = {}
-    if "fatigue" in outputs:
-        if not membrane:
+    task = _Task.prepare(model, frames, wanted, fatigue.seam_distance.value)
+    found = _Values(wanted, len(task.pressures))
+    if "stress" in wanted.outputs:
+        share = np.bincount(task.zone.ravel(), task.areas.ravel(), minlength=len(ZONES))
+        found.values["zone_share"][:] = share / task.areas.sum()
+    for k, pressure in enumerate(task.pressures):
+        if (frame := frames.find(pressure)) is not None:
+            _measure_frame(task, found, k, pressure, frame)
+    variables = {}
+    if "fatigue" in wanted.outputs:
+        if not found.membrane:
             raise ResultError(f"{frames.file}: none of the frames that fatigue asks for")
-        dataset |= _fatigue(values, mesh, largest_amplitude(np.array(membrane)), near_seam, fatigue)
-    _contact(values, model, frames)
-    dataset |= _buckling(values, model, frames, folder)
-    dataset |= _as_maps(maps, away, zone, areas, flat_points(mesh))
-    for name, (per, array) in data.items():
-        measure = MEASURES[name]
-        attributes = {"long_name": measure.long_name} | ({"units": measure.units} if measure.units else {})
-        dataset[name] = (per, array.astype(float if measure.units else str), attributes)
-    coordinates = {d: v for d, v in _LABELS.items() if any(d in per for per, _ in data.values())}
-    frame = ("frame", asked, {"units": "kPa", "long_name": "pressure asked for"})
-    return xr.Dataset(dataset, coords=coordinates | {"requested_pressure": frame})
+        amplitude = largest_amplitude(np.array(found.membrane))
+        variables |= _fatigue(found.values, model.mesh, amplitude, task.near_seam, fatigue)
+    _contact(found.values, model, frames)
+    variables |= _buckling(found.values, model, frames, folder)
+    variables |= _as_maps(found.maps, task.away, task.zone, task.areas, flat_points(model.mesh))
+    requested = ("frame", task.pressures, {"units": "kPa", "long_name": "pressure asked for"})
+    return xr.Dataset(variables | found.variables(), coords=found.labels() | {"requested_pressure": requested})
+
+
+def _measure_frame(task: _Task, found: _Values, k: int, pressure: float, frame: int) -> None:
+    """Measure a frame: what is asked for at its pressure (kPa), the ``k``-th of all."""
+    model, frames = task.model, task.frames
+    found.values["frame_pressure"][k] = frames.pressure[frame]
+    source = f"{frames.file}, frame at {frames.pressure[frame]:g} kPa"
+    state = layer_state(model, frames.displacement[frame].astype(float), surface_points(), source)
+    if task.is_asked("stress", pressure):
+        stress = inside_out(model.mesh, state.von_mises)
+        _stress(found.values, k, model, stress, task.zone)
+        _equilibrium(found.values, k, model, frames, frame, source)
+        if task.is_mapped("stress", pressure):
+            found.maps["von_mises"][pressure] = stress
+    strain = inside_out(model.mesh, state.strain)
+    if task.is_asked("strain", pressure):
+        _strain(found.values, k, model.mesh, strain, task.near_seam)
+        if task.is_mapped("strain", pressure):
+            found.maps["principal_strain"][pressure] = principal(strain)[0]
+            found.maps["strain_angle"][pressure] = inplane_angle(strain)
+    if task.is_asked("fatigue", pressure):
+        found.membrane.append(membrane_principal(strain[:, 1]))
 
 
 def _stress(values: dict, k: int, model: Model, stress: np.ndarray, zone: np.ndarray) -> None:
@@ -121,11 +171,11 @@ def _stress(values: dict, k: int, model: Model, stress: np.ndarray, zone: np.nda
     values["von_mises_max_zone"][k], values["von_mises_max_surface"][k] = found.zone, found.surface
 
 
-def _equilibrium(values: dict, k: int, model: Model, frames: CaseFrames, at: int, source: str) -> None:
-    known = frames.motion is not None and np.isfinite(frames.motion[at]).all()
-    motion = frames.motion[at].astype(float) if known else None
-    stored = frames.displacement[at]
-    found = residual(model, stored.astype(float), frames.pressure[at], motion, frames.damping, source, stored.dtype)
+def _equilibrium(values: dict, k: int, model: Model, frames: CaseFrames, frame: int, source: str) -> None:
+    known = frames.motion is not None and np.isfinite(frames.motion[frame]).all()
+    motion = frames.motion[frame].astype(float) if known else None
+    stored = frames.displacement[frame]
+    found = residual(model, stored.astype(float), frames.pressure[frame], motion, frames.damping, source, stored.dtype)
     values["residual"][k], values["residual_floor"][k] = found.resultant, found.resultant_floor
     values["residual_full"][k], values["residual_full_floor"][k] = found.full, found.floor
     values["viscous_share"][k] = found.viscous
@@ -141,10 +191,6 @@ def _strain(values: dict, k: int, mesh, strain: np.ndarray, near_seam: np.ndarra
     values["direction_around"][k] = [found.around[s] for s in DEVICE_SIDES]
     values["direction_angle"][k] = [found.angle[s] for s in DEVICE_SIDES]
     values["direction_between"][k], values["direction_between_at_seams"][k] = found.between, found.between_at_seams
-
-
-def _strain_maps(strain: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    return principal(strain)[0], inplane_angle(strain)
 
 
 def _fatigue(values: dict, mesh, amplitude: np.ndarray, near_seam: np.ndarray, fatigue: Fatigue) -> dict:
@@ -189,9 +235,8 @@ def _buckling(values: dict, model: Model, frames: CaseFrames, folder: Path) -> d
             event.after,
             event.jump,
         )
-        stored = np.flatnonzero(np.isclose(frames.event_pressure, (event.before, event.after), atol=1e-6).all(axis=1))
-        if len(stored):
-            before, after = model.expansion.midsurface(frames.event_displacement[stored[0]].astype(float))
+        if (stored := frames.find_event(event)) is not None:
+            before, after = model.expansion.midsurface(frames.event_displacement[stored].astype(float))
             differences[k] = displacement_difference(before, after, model.case.device.pattern.length)
             values["buckling_displacement"][k] = differences[k].max()
     if not differences:

@@ -74,7 +74,7 @@ FRAME = "pressure of a frame as the study writes it, in kPa where it is a number
 SIDE = {"long_name": "side of the device's wall, endocardial towards the ventricle"}
 
 
-_LABELS = {
+LABELS = {
     "zone": ("zone", list(ZONES), {"long_name": "zone of the fabric"}),
     "side": ("side", list(DEVICE_SIDES), SIDE),
     "event": ("event", list(range(MOST_EVENTS)), {"long_name": "buckling event, from 0 in rising order of P_a"}),

@@ -15,7 +15,7 @@ import xarray as xr
 from scipy.spatial.transform import Rotation
 
 from limo.cases.case import Case
-from limo.config.project import Loaded
+from limo.config.project import Project
 from limo.engines.calculix import build as ccx_build
 from limo.engines.run import path_of
 from limo.errors import SolverNotFoundError
@@ -42,7 +42,7 @@ TIMES, SHORT = 3, 60.0
 Row = dict[str, object]
 
 
-def reference_case(loaded: Loaded, engine: str, maximum: float) -> Case:
+def reference_case(loaded: Project, engine: str, maximum: float) -> Case:
     """The case that is repeated: the shipped device, N_p = 8, P_v = 3.8 kPa, on the coarsest mesh, up to a P_a (kPa)."""
     config = loaded.config
     return Case(
@@ -61,7 +61,7 @@ def reference_case(loaded: Loaded, engine: str, maximum: float) -> Case:
     )
 
 
-def measure(loaded: Loaded, engine: str, kinds: tuple[str, ...] = KINDS, maximum: float = 60.0) -> Iterator[list[Row]]:
+def measure(loaded: Project, engine: str, kinds: tuple[str, ...] = KINDS, maximum: float = 60.0) -> Iterator[list[Row]]:
     """The curves of all runs of some kinds, one after the other as they are solved; each is a list of rows."""
     case = reference_case(loaded, engine, maximum)
     solver = Solver()

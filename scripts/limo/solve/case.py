@@ -13,7 +13,7 @@ from pathlib import Path
 
 import xarray as xr
 
-from limo.cases.case import OWN_MESH, Case, describe
+from limo.cases.case import Case, describe
 from limo.engines import Path as EnginePath
 from limo.engines.run import path_of
 from limo.errors import LimoError
@@ -29,7 +29,7 @@ from limo.solve.harvest import _energy, _harvest, _rest
 from limo.solve.judge import measure, verdict
 from limo.solve.ladder import CONFIGURED, climb
 from limo.store.files import stamp_of, write_json, write_netcdf, write_whole
-from limo.store.progress import NUMERICS
+from limo.store.results import NUMERICS, OWN_MESH
 from limo.store.statuses import USABLE
 
 log = logging.getLogger(__name__)

@@ -339,10 +339,13 @@ def _table(chosen: argparse.Namespace) -> None:
 
 
 def _page(chosen: argparse.Namespace) -> None:
+    from limo.config.builds import warn_of_broken
     from limo.config.load import load_config
     from limo.page.write import write_page
 
-    print(write_page(chosen.results, load_config(chosen.config).studies))
+    project = load_config(chosen.config)
+    warn_of_broken(project)
+    print(write_page(chosen.results, project.studies))
 
 
 def _benchmark(chosen: argparse.Namespace) -> None:
@@ -378,8 +381,8 @@ def _gallery(chosen: argparse.Namespace) -> None:
 
 
 def _reliability(chosen: argparse.Namespace) -> None:
+    from limo.config.builds import with_found_builds
     from limo.config.load import load_config
-    from limo.engines.find import find_engines
 
     if chosen.doing == "report":
         from limo.reports.reliability import draw_band, renewed
@@ -389,8 +392,7 @@ def _reliability(chosen: argparse.Namespace) -> None:
         write_whole(chosen.document, lambda path: path.write_text(text, encoding="utf-8"))
         draw_band(chosen.data, chosen.document.with_name("reliability_paths.png"))
         return
-    loaded = load_config(chosen.config)
-    find_engines(loaded, chosen.config)
+    loaded, _ = with_found_builds(load_config(chosen.config), chosen.config)
     if chosen.doing == "record":
         from limo.reliability.stress_test import record_stress_test
 

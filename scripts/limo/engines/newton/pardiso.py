@@ -9,12 +9,13 @@ from __future__ import annotations
 import ctypes
 import time
 from functools import cache
-from importlib.metadata import PackageNotFoundError, files, version
+from importlib.metadata import files
 
 import numpy as np
 import pymetis
 from scipy.sparse import csr_array
 
+from limo.engines.newton.build import mkl_version
 from limo.errors import SolverNotFoundError
 
 _POSITIVE_DEFINITE, _SYMMETRIC_INDEFINITE = 2, -2
@@ -40,14 +41,6 @@ class FactorisationError(Exception):
     def __init__(self, message: str, code: int = 0):
         super().__init__(message)
         self.no_memory = code == _NO_MEMORY
-
-
-def mkl_version() -> str:
-    """Version of the installed package ``mkl``; raises ``SolverNotFoundError`` without one."""
-    try:
-        return version("mkl")
-    except PackageNotFoundError:
-        raise SolverNotFoundError("engine newton needs the package mkl; `make setup` installs it") from None
 
 
 @cache
