@@ -15,7 +15,7 @@ import pytest
 
 from limo.cases.case import Case
 from limo.config.load import load_config
-from limo.config.project import Loaded
+from limo.config.project import Project
 from limo.geometry.pattern import flat_pattern
 from limo.mesh.device import STRATEGIES
 from limo.mesh.elements import gauss, quad8_shape
@@ -34,10 +34,10 @@ def root() -> Path:
 
 
 @pytest.fixture(scope="session")
-def loaded() -> Loaded:
+def loaded() -> Project:
     """The shipped configuration."""
     with contextlib.chdir(ROOT):
-        return load_config("config/config.yaml")
+        return load_config("config/config.yaml", strict=True)
 
 
 @pytest.fixture(scope="session")

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import xarray as xr
 
 from limo.cases.case import Case
-from limo.config.project import Loaded
+from limo.config.project import Project
 from limo.geometry.pattern import flat_pattern
 from limo.mesh.device import mesh_to_target
 from limo.mesh.layers import DeviceMesh, layered
@@ -23,8 +25,8 @@ def study(**changes):
     return Study.model_validate(values | changes)
 
 
-def configured(loaded, **studies) -> Loaded:
-    return Loaded(loaded.config, loaded.devices, studies, loaded.files)
+def configured(loaded, **studies) -> Project:
+    return Project(loaded.config, loaded.devices, studies, loaded.files)
 
 
 def moved(model, pressure):
@@ -78,9 +80,7 @@ def shaken(model, size=0.01, seed=1):
 def with_(case: Case, **changes) -> Case:
     """A case with other values; ``symmetry`` and ``element`` reach into its mesh."""
     mesh = {k: changes.pop(k) for k in ("symmetry", "element") if k in changes}
-    values = {**case.__dict__, **changes}
-    values["mesh"] = Mesh(**{**case.mesh.model_dump(), **mesh})
-    return Case(**values)
+    return replace(case, **changes, mesh=Mesh(**{**case.mesh.model_dump(), **mesh}))
 
 
 def small_mesh(case: Case, degrees_of_freedom: int, symmetry: str) -> DeviceMesh:

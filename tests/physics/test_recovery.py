@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from limo.cases.case import OWN_MESH, Case
+from limo.cases.case import Case
 from limo.cases.solved import solved_cases
 from limo.cases.wanted import Wanted
 from limo.engines.calculix import build as ccx_build
@@ -30,6 +30,7 @@ from limo.solve import case as solution
 from limo.solve.case import SolveSettings, follow, solve_case
 from limo.solve.harvest import ML
 from limo.store.files import read_json
+from limo.store.results import OWN_MESH
 from tests.helpers.cases import small_mesh, with_
 
 MAXIMUM = 6.0  # kPa

@@ -13,7 +13,7 @@ import yaml
 
 from limo.cases.case import describe
 from limo.cases.plan import Plan, make_plan
-from limo.config.builds import find_engines
+from limo.config.builds import with_found_builds
 from limo.config.load import load_config
 from limo.store.files import write_json
 
@@ -81,9 +81,8 @@ class Project:
 
     def plan(self) -> Plan:
         """What the workflow decides about its cases."""
-        loaded = load_config(self.config_file)
-        find_engines(loaded, "config/config.yaml")
-        return make_plan(loaded, self.folder / "results")
+        project, _ = with_found_builds(load_config(self.config_file), "config/config.yaml")
+        return make_plan(project, self.folder / "results")
 
     def pretend(self, *studies: str) -> None:
         """Results of studies without solving: files that say what they are, and Snakemake's record that it made them."""

@@ -1,11 +1,11 @@
 rule solve_airbag:
     output:
-        "results/airbags/{airbag}/runs/{run}.nc",
+        RESULTS.airbag("{airbag}").run("{run}"),
     log:
-        "results/logs/solve_airbag/{airbag}_{run}.log",
+        RESULTS.log("solve_airbag", "{airbag}_{run}"),
     conda:
         "../envs/limo.yaml"
-    threads: LOADED.config.solver.threads
+    threads: PROJECT.config.solver.threads
     params:
         content=airbag_content,
         code=lambda wildcards: code_digest("solve_airbag", engine_code(airbag_run(wildcards).engine, "inflate")),
@@ -19,13 +19,13 @@ rule gather_airbag:
     input:
         airbag_results,
     output:
-        "results/airbags/{airbag}/airbag.nc",
+        RESULTS.airbag("{airbag}").dataset,
     log:
-        "results/logs/gather_airbag/{airbag}.log",
+        RESULTS.log("gather_airbag", "{airbag}"),
     conda:
         "../envs/limo.yaml"
     params:
-        content=lambda wildcards: LOADED.airbags[wildcards.airbag].model_dump(mode="json"),
+        content=lambda wildcards: PROJECT.airbags[wildcards.airbag].model_dump(mode="json"),
         code=code_digest("gather_airbag"),
     message:
         "Gather the airbag {wildcards.airbag}"
@@ -35,7 +35,7 @@ rule gather_airbag:
 
 rule draw_airbag:
     input:
-        dataset="results/airbags/{airbag}/airbag.nc",
+        dataset=RESULTS.airbag("{airbag}").dataset,
         shapes=[],
         measured=[],
     output:
@@ -44,9 +44,9 @@ rule draw_airbag:
             caption="../report/figure.rst",
             category="accuracy",
         ),
-        "results/airbags/{airbag}/figures/{figure}.pdf",
+        RESULTS.airbag("{airbag}").figure("{figure}", "pdf"),
     log:
-        "results/logs/draw_airbag/{airbag}_{figure}.log",
+        RESULTS.log("draw_airbag", "{airbag}_{figure}"),
     wildcard_constraints:
         figure="|".join(AIRBAG_FIGURES),
     conda:
@@ -62,7 +62,7 @@ rule draw_airbag:
 
 rule keep_airbags:
     input:
-        expand("results/airbags/{airbag}/airbag.nc", airbag=LOADED.airbags),
+        [RESULTS.airbag(airbag).dataset for airbag in PROJECT.airbags],
     output:
         "docs/gallery/data/airbag.csv",
     log:
@@ -83,16 +83,16 @@ rule keep_runs:
     input:
         runs_to_keep,
     output:
-        update("docs/gallery/data/{study}_runs.nc"),
-        "results/kept/{study}.txt",
+        update(kept_file(KEPT_FOLDER, "{study}")),
+        RESULTS.kept_names("{study}"),
     log:
-        "results/logs/keep_runs/{study}.log",
+        RESULTS.log("keep_runs", "{study}"),
     wildcard_constraints:
         study="|".join(KEPT_STUDIES) or "none",
     conda:
         "../envs/limo.yaml"
     params:
-        sources=lambda wildcards: served_by(wildcards.study),
+        sources=lambda wildcards: PLAN.serving(wildcards.study),
     message:
         "Keep the runs of {wildcards.study}"
     script:
@@ -102,16 +102,16 @@ rule keep_runs:
 rule time_case:
     input:
         mesh=ancient(mesh_of_case),
-        status="results/cases/{case}/status.json",
+        status=RESULTS.case("{case}").status,
     output:
-        "results/times/{case}.json",
+        RESULTS.times("{case}"),
     log:
-        "results/logs/time_case/{case}.log",
+        RESULTS.log("time_case", "{case}"),
     conda:
         "../envs/limo.yaml"
-    threads: LOADED.config.solver.threads
+    threads: PROJECT.config.solver.threads
     params:
-        case=case_of,
+        case=case_to_solve,
     message:
         "Time {wildcards.case} again where that is short"
     script:
@@ -121,9 +121,9 @@ rule time_case:
 # alone on the machine, whose memory it fills: more threads than any run has cores are cut down to all of them
 rule measure_scaling:
     output:
-        "results/scaling/{engine}.csv",
+        RESULTS.scaling("{engine}"),
     log:
-        "results/logs/measure_scaling/{engine}.log",
+        RESULTS.log("measure_scaling", "{engine}"),
     wildcard_constraints:
         engine="|".join(ENGINES),
     conda:
@@ -140,17 +140,17 @@ rule measure_scaling:
 
 rule gather_accuracy:
     input:
-        error_results(),
+        error_results,
     output:
-        "results/accuracy/accuracy.nc",
+        RESULTS.accuracy,
         "docs/gallery/data/accuracy.nc",
     log:
         "results/logs/gather_accuracy.log",
     conda:
         "../envs/limo.yaml"
     params:
-        sources={name: served_by(name) for name in ERROR_STUDIES},
-        presets=digest({name: preset.model_dump(mode="json") for name, preset in LOADED.config.presets.items()}),
+        sources=lambda wildcards: {name: PLAN.serving(name) for name in ERROR_STUDIES},
+        presets=digest({name: preset.model_dump(mode="json") for name, preset in PROJECT.config.presets.items()}),
         code=code_digest("gather_accuracy"),
     message:
         "Gather the errors of the settings of the device"
@@ -160,7 +160,7 @@ rule gather_accuracy:
 
 rule draw_accuracy:
     input:
-        dataset="results/accuracy/accuracy.nc",
+        dataset=RESULTS.accuracy,
         shapes=[],
         measured=[],
     output:

@@ -2,9 +2,9 @@ rule gather_study:
     input:
         study_results,
     output:
-        "results/studies/{study}/study.nc",
+        RESULTS.study("{study}").dataset,
     log:
-        "results/logs/gather_study/{study}.log",
+        RESULTS.log("gather_study", "{study}"),
     conda:
         "../envs/limo.yaml"
     params:
@@ -19,11 +19,11 @@ rule gather_study:
 
 rule export_study:
     input:
-        "results/studies/{study}/study.nc",
+        RESULTS.study("{study}").dataset,
     output:
-        "results/studies/{study}/study.csv",
+        RESULTS.study("{study}").table,
     log:
-        "results/logs/export_study/{study}.log",
+        RESULTS.log("export_study", "{study}"),
     conda:
         "../envs/limo.yaml"
     params:
@@ -38,14 +38,14 @@ rule gather_shapes:
     input:
         shape_results,
     output:
-        "results/studies/{study}/shapes.nc",
+        RESULTS.study("{study}").shapes,
     log:
-        "results/logs/gather_shapes/{study}.log",
+        RESULTS.log("gather_shapes", "{study}"),
     conda:
         "../envs/limo.yaml"
     params:
         content=study_content,
-        figures=lambda wildcards: items_of(LOADED.studies[wildcards.study].figures),
+        figures=lambda wildcards: items_of(PROJECT.studies[wildcards.study].figures),
         sources=study_sources,
         code=code_digest("gather_shapes"),
     message:

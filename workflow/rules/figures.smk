@@ -1,19 +1,19 @@
 rule draw_figure:
     input:
-        dataset="results/studies/{study}/study.nc",
-        shapes=lambda wildcards: f"results/studies/{wildcards.study}/shapes.nc" if wildcards.figure in SHAPES else [],
-        measured=lambda wildcards: LOADED.studies[wildcards.study].measured or [],
+        dataset=RESULTS.study("{study}").dataset,
+        shapes=lambda wildcards: RESULTS.study(wildcards.study).shapes if wildcards.figure in SHAPES else [],
+        measured=lambda wildcards: PROJECT.studies[wildcards.study].measured or [],
     output:
         report(
-            "results/studies/{study}/figures/{figure}.png",
+            RESULTS.study("{study}").figure("{figure}", "png"),
             caption="../report/figure.rst",
             category="{study}",
         ),
-        "results/studies/{study}/figures/{figure}.pdf",
+        RESULTS.study("{study}").figure("{figure}", "pdf"),
     log:
-        "results/logs/draw_figure/{study}_{figure}.log",
+        RESULTS.log("draw_figure", "{study}_{figure}"),
     benchmark:
-        "results/benchmarks/draw_figure/{study}_{figure}.tsv"
+        RESULTS.benchmark("draw_figure", "{study}_{figure}")
     conda:
         "../envs/limo.yaml"
     params:

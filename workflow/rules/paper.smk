@@ -1,32 +1,16 @@
-# The studies of the paper; their cases are shared, and each is solved once.
-PAPER = [
-    "kinematics",
-    "pressure_volume",
-    "buckling",
-    "afterload",
-    "stress",
-    "fatigue",
-    "strain_paths",
-    "valve_support",
-    "compliance",
-    "deformation",
-    "symmetry",
-]
-
-
 rule fit_material:
     input:
-        data=LOADED.config.tensile_test.data,
+        data=PROJECT.config.tensile_test.data,
     output:
-        dataset="results/material/tensile_test.nc",
-        png=report("results/material/tensile_test.png", caption="../report/tensile_test.rst", category="material"),
-        pdf="results/material/tensile_test.pdf",
+        dataset=RESULTS.material("nc"),
+        png=report(RESULTS.material("png"), caption="../report/tensile_test.rst", category="material"),
+        pdf=RESULTS.material("pdf"),
     log:
         "results/logs/fit_material.log",
     conda:
         "../envs/limo.yaml"
     params:
-        test=LOADED.config.tensile_test.model_dump(mode="json"),
+        test=PROJECT.config.tensile_test.model_dump(mode="json"),
         code=code_digest("fit_material"),
     message:
         "Fit the modulus of the fabric"
@@ -36,7 +20,7 @@ rule fit_material:
 
 rule check_paper:
     input:
-        expand("results/studies/{study}/study.nc", study=[name for name in PAPER if name in LOADED.studies]),
+        [RESULTS.study(name).dataset for name in PAPER if name in PROJECT.studies],
     output:
         table="results/paper_check.csv",
         page="results/paper_check.md",
@@ -61,7 +45,7 @@ rule material:
 
 rule paper:
     input:
-        [study_targets(name) for name in PAPER if name in LOADED.studies],
+        partial(targets_of, PAPER),
         rules.fit_material.output,
         rules.check_paper.output,
     message:

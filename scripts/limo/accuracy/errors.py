@@ -11,11 +11,14 @@ from dataclasses import replace
 
 import numpy as np
 
+from limo.accuracy.roles import studies_of
 from limo.accuracy.runs import Run
 from limo.accuracy.surfaces import Surface
 from limo.cases.case import Case
-from limo.config.project import Loaded
+from limo.config.project import Project
+from limo.config.settings import setting_of
 from limo.schema.numerics import Numerics
+from limo.schema.study import Variant
 
 #: curves that are compared, and values
 CURVES = ("ventricle_volume", "actuation_volume_change")
@@ -45,40 +48,41 @@ def chamfer(first: Surface, second: Surface) -> float:
     return float(0.5 * second.distances(first.cloud).mean() + 0.5 * first.distances(second.cloud).mean())
 
 
-def changes_of(loaded: Loaded, device: str, case: Case) -> dict[str, str]:
+def changes_of(project: Project, subject: str, case: Case) -> dict[str, str]:
     """What a run has instead of the configuration's default with the same engine, and which part of a setting that is.
 
     Keys are words such as ``medium`` or ``fit.damping 1e+06``; values ``level``, ``symmetry``, ``element``, ``numerics`` or
     ``fabric``.
     """
-    study = loaded.studies.get(f"accuracy_{device}", loaded.studies[f"reference_{device}"])
-    plain = dict.fromkeys(("preset", "mesh", "numerics", "engine"))
-    default = loaded.settings(study.model_copy(update={"variants": {}, "material": {}, **plain}))[""]
-    found = {
-        getattr(case.mesh, n): n for n in ("level", "symmetry", "element") if getattr(case.mesh, n) != getattr(default.mesh, n)
-    }
-    own, usual = _flat(case.numerics), _flat(default.numerics.for_engine(case.engine))
-    found |= {f"{key} {_word(value)}": "numerics" for key, value in own.items() if value != usual.get(key)}
-    own, usual = (d.material.model_dump() for d in (case.device, default.device))
-    return found | {f"{key} {_word(value)}": "fabric" for key, value in own.items() if value != usual[key]}
+    names = studies_of(project, subject)
+    study = project.studies[names.get("accuracy") or names["reference"]]
+    plain = study.model_copy(update={"variants": {}, "material": {}} | dict.fromkeys(("preset", "mesh", "numerics", "engine")))
+    default = setting_of(project.config, project.devices, plain, Variant())
+    meshes = ((n, getattr(case.mesh, n), getattr(default.mesh, n)) for n in ("level", "symmetry", "element"))
+    changes = {value: name for name, value, usual in meshes if value != usual}
+    numerics, usual = _flat(case.numerics), _flat(default.numerics.for_engine(case.engine))
+    changes |= {f"{key} {_word(value)}": "numerics" for key, value in numerics.items() if value != usual.get(key)}
+    fabric, usual = (d.material.model_dump() for d in (case.device, default.device))
+    return changes | {f"{key} {_word(value)}": "fabric" for key, value in fabric.items() if value != usual[key]}
 
 
 def _flat(numerics: Numerics) -> dict[str, object]:
-    found = {}
+    """Numerics with dotted keys."""
+    flat = {}
     for key, value in numerics.model_dump(exclude={"description"}).items():
-        found |= {f"{key}.{k}": v for k, v in value.items()} if isinstance(value, dict) else {key: value}
-    return found
+        flat |= {f"{key}.{k}": v for k, v in value.items()} if isinstance(value, dict) else {key: value}
+    return flat
 
 
 def _word(value: object) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
-def preset_of(loaded: Loaded, run: Run) -> str:
+def preset_of(project: Project, run: Run) -> str:
     """Name of the accuracy preset that a run was solved with, or nothing."""
-    for name, preset in loaded.config.presets.items():
-        numerics = loaded.config.numerics_presets[preset.numerics].for_engine(preset.engine)
-        device = loaded.devices[run.case.device_name]
+    for name, preset in project.config.presets.items():
+        numerics = project.config.numerics_presets[preset.numerics].for_engine(preset.engine)
+        device = project.devices[run.case.device_name]
         same = (preset.mesh, preset.engine, numerics) == (run.case.mesh, run.case.engine, run.case.numerics)
         if same and run.case.device == device:
             return name
@@ -91,22 +95,27 @@ def preset_of(loaded: Loaded, run: Run) -> str:
 
 def errors_of(run: Run, reference: Sequence[Run]) -> dict[str, float]:
     """``ERRORS`` of a run against the mean of a reference; NaN for what one of them lacks."""
-    found = {
+    errors = {
         "ventricle_volume": _curve_error(run, reference, "ventricle_volume"),
         "actuation_volume": _curve_error(run, reference, "actuation_volume_change"),
     }
-    for name, value in (("stroke", _stroke), ("pressure_90ml", _pressure), ("efficiency_90ml", _efficiency), ("stress", _stress)):
+    for name, value in (
+        ("stroke", stroke_of),
+        ("pressure_90ml", pressure_of),
+        ("efficiency_90ml", efficiency_of),
+        ("stress", stress_of),
+    ):
         expected = np.mean([value(r) for r in reference])
-        found[name] = abs(value(run) / expected - 1.0)
-    found["cycles"] = abs(_decades(run) - np.mean([_decades(r) for r in reference]))
+        errors[name] = abs(value(run) / expected - 1.0)
+    errors["cycles"] = abs(decades_of(run) - np.mean([decades_of(r) for r in reference]))
     surfaces = [r.surface for r in reference if r.surface is not None]
-    found |= {"height": np.nan, "chamfer": np.nan}
+    errors |= {"height": np.nan, "chamfer": np.nan}
     if run.surface is not None and surfaces:
         expected = np.mean([s.height[np.argmax(s.pressure)] for s in surfaces])
-        found["height"] = abs(run.surface.height[np.argmax(run.surface.pressure)] / expected - 1.0)
+        errors["height"] = abs(run.surface.height[np.argmax(run.surface.pressure)] / expected - 1.0)
         length = run.case.device.pattern.length
-        found["chamfer"] = float(np.mean([chamfer(run.surface, s) for s in surfaces])) / length
-    return {name: float(found[name]) for name in ERRORS}
+        errors["chamfer"] = float(np.mean([chamfer(run.surface, s) for s in surfaces])) / length
+    return {name: float(errors[name]) for name in ERRORS}
 
 
 def scatter_of(members: Sequence[Run]) -> dict[str, float]:
@@ -132,21 +141,26 @@ def _curve_error(run: Run, reference: Sequence[Run], name: str) -> float:
     return np.linalg.norm(run.values[name].values[known] - expected[known]) / np.linalg.norm(expected[known])
 
 
-def _stroke(run: Run) -> float:
+def stroke_of(run: Run) -> float:
+    """Stroke (ml) at P_a,max."""
     return float(run.values.stroke_volume[-1])
 
 
-def _pressure(run: Run) -> float:
+def pressure_of(run: Run) -> float:
+    """P_a (kPa) at a stroke of 90 ml."""
     return float(run.values.pressure_90ml)
 
 
-def _efficiency(run: Run) -> float:
+def efficiency_of(run: Run) -> float:
+    """Efficiency at a stroke of 90 ml."""
     return float(run.values.efficiency_90ml)
 
 
-def _stress(run: Run) -> float:
+def stress_of(run: Run) -> float:
+    """Top-5 % von Mises stress (MPa) at P_a,max; NaN where it is not measured."""
     return float(run.values.von_mises_peak.sel(frame="max")) if "von_mises_peak" in run.values else np.nan
 
 
-def _decades(run: Run) -> float:
+def decades_of(run: Run) -> float:
+    """Decadic logarithm of the fewest cycles near seams; NaN where they are not measured."""
     return float(np.log10(run.values.fatigue_cycles_min)) if "fatigue_cycles_min" in run.values else np.nan

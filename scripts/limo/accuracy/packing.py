@@ -32,7 +32,7 @@ def padded(arrays: Sequence[np.ndarray]) -> np.ndarray:
     return table
 
 
-def _filled(arrays: Sequence[np.ndarray], fill: float) -> np.ndarray:
+def filled(arrays: Sequence[np.ndarray], fill: float) -> np.ndarray:
     """Arrays (n, k) of different lengths as one (a, n, k), ``fill`` behind their ends."""
     longest = max(map(len, arrays))
     return np.array([np.pad(a, ((0, longest - len(a)), (0, 0)), constant_values=fill) for a in arrays])

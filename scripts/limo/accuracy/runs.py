@@ -1,48 +1,35 @@
-"""The runs from which errors of the device are taken: where they come from, what of their shapes counts, and which are kept.
-
-A device has these studies: ``accuracy_<device>`` varies one setting at a time, ``reference_<device>`` is an ensemble on the
-finest mesh, ``referee_<device>`` what CalculiX itself finds on a fine one, ``scatter_<device>`` an ensemble on the default mesh;
-``shells_<device>`` adds elements of which only volumes are known. Runs of ``KEPT_PARTS`` take hours: they are solved once, and
-kept.
-"""
+"""The runs from which errors of the device are taken: their values, and what of their shapes counts."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import xarray as xr
 
 from limo.accuracy.surfaces import Surface, surface_of
 from limo.cases.case import Case, solved_on
-from limo.cases.grid import study_cases
-from limo.config.project import Loaded
+from limo.cases.grid import study_grid
+from limo.config.project import Project
+from limo.datasets.gather import members
 from limo.errors import LimoError
 from limo.mesh.file import read_mesh
 from limo.mesh.layers import degrees_of_freedom_of
 from limo.store.files import read_json
-
-PARTS = ("accuracy", "reference", "referee", "scatter", "shells")
-KEPT_PARTS = ("reference", "referee")
-#: parts of which short runs are timed several times
-TIMED_PARTS = ("accuracy", "shells")
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# the runs of a device
+from limo.store.results import CaseFiles, Results
+from limo.store.statuses import CONVERGED, MISSING
 
 
 @dataclass(frozen=True)
 class Run:
-    """One run: study's part, variant, branch, its values in the study's dataset, and its surface where there is one.
+    """One run: its study's role, variant, branch, its values in the study's dataset, and its surface where there is one.
 
     ``equations``: displacements of the part that was solved, and of the full device; ``times``: CPU seconds of the solver, each
     time the case was solved.
     """
 
-    part: str
+    role: str
     variant: str
     description: str
     branch: int
@@ -54,48 +41,42 @@ class Run:
 
     @property
     def converged(self) -> bool:
-        return str(self.values.case_status.values) == "converged"
+        """Whether its solve ended well."""
+        return str(self.values.case_status.values) == CONVERGED
 
 
-def devices(loaded: Loaded) -> list[str]:
-    """Names of the devices for which there is a reference, as in ``reference_<device>``."""
-    return [name.partition("_")[2] for name in loaded.studies if name.startswith("reference_")]
+def read_results(project: Project, name: str, dataset: xr.Dataset, results: Results, sources: Sequence[str]) -> list[Run]:
+    """The runs of a study's dataset that were solved.
 
-
-def error_studies(loaded: Loaded) -> list[str]:
-    """Studies of all devices from which errors are gathered."""
-    names = (f"{part}_{device}" for device in devices(loaded) for part in PARTS)
-    return [name for name in names if name in loaded.studies]
-
-
-def _runs_in(loaded: Loaded, name: str, dataset: xr.Dataset, results: Path, sources: Sequence[str]) -> list[Run]:
-    """The runs of a study's dataset that were solved."""
-    runs = []
-    for (key, case), source in zip(study_cases(loaded, name).items(), sources, strict=True):
-        variant, branch = key[-2:]
-        at = {d: v for d, v in (("variant", variant), ("branch", branch)) if d in dataset.dims}
-        values = dataset.sel(at).squeeze(drop=True)
-        if str(values.case_status.values) != "missing":
-            timed = results / "times" / f"{source}.json"
+    ``sources``: ids of the cases that serve the study, in the order of its grid.
+    """
+    grid, runs = study_grid(project, name), []
+    for member in members(grid.cases, grid.axes, results.cases, sources):
+        variant, branch = member.point.variant, member.point.branch
+        place = {d: v for d, v in (("variant", variant), ("branch", branch)) if d in dataset.dims}
+        values = dataset.sel(place).squeeze(drop=True)
+        if str(values.case_status.values) != MISSING:
+            timed = results.times(member.source)
             times = read_json(timed)["cpu_seconds"] if timed.exists() else [float(values.solver_time)]
-            runs.append(Run(*_named(loaded, name, variant), branch, case, values, *_shape(results, source), tuple(times)))
+            shape = _shape(results, member.files)
+            runs.append(Run(*naming(project, name, variant), branch, member.case, values, *shape, tuple(times)))
     return runs
 
 
-def _named(loaded: Loaded, name: str, variant: str) -> tuple[str, str, str]:
-    """What a study is for, a variant of it, and that in words."""
-    return name.partition("_")[0], variant, loaded.studies[name].variants[variant].description if variant else ""
+def naming(project: Project, name: str, variant: str) -> tuple[str, str, str]:
+    """The role of a study, a variant of it, and that in words."""
+    study = project.studies[name]
+    return study.role or "", variant, study.variants[variant].description if variant else ""
 
 
-def _shape(results: Path, case_id: str) -> tuple[Surface | None, tuple[float, float]]:
+def _shape(results: Results, files: CaseFiles) -> tuple[Surface | None, tuple[float, float]]:
     """Surface and numbers of displacements of a solved case; none for shells, which keep no displacements."""
-    folder = results / "cases" / case_id
-    stored = Case.from_dict(read_json(folder / "case.json")["case"])
-    file = results / "meshes" / f"{stored.mesh_id}.vtu"
-    solved, own = solved_on(stored, file, folder)
-    mesh = read_mesh(own, solved.mesh.symmetry)
+    stored = Case.from_dict(read_json(files.described)["case"])
+    file = results.mesh(stored.mesh_id)
+    solved, mesh_file = solved_on(stored, file, files.folder)
+    mesh = read_mesh(mesh_file, solved.mesh.symmetry)
     part = degrees_of_freedom_of(mesh)
     try:
-        return surface_of(stored, file, folder), (part, part * mesh.copies)
+        return surface_of(stored, file, files.folder), (part, part * mesh.copies)
     except LimoError:
         return None, (part, part * mesh.copies)

@@ -19,7 +19,7 @@ import pandas as pd
 
 from limo.accuracy.sizes import COLUMNS, MEASURED
 from limo.cases.case import Case
-from limo.config.project import Loaded
+from limo.config.project import Project
 from limo.engines.engine import EngineSettings
 from limo.engines.find import find_engine
 from limo.errors import LimoError
@@ -33,12 +33,12 @@ from limo.store.machine import machine_memory
 TIME, MEMORY = 1.6, 1.2
 
 
-def scaling_case(loaded: Loaded, engine: str, displacements: int) -> Case:
+def scaling_case(project: Project, engine: str, displacements: int) -> Case:
     """The configuration's device for this, with a mesh of about that many displacements."""
-    wanted = loaded.config.scaling
-    name = loaded.default().numerics
+    wanted = project.config.scaling
+    name = project.default().numerics
     return Case(
-        device=loaded.devices[wanted.device],
+        device=project.devices[wanted.device],
         device_name=wanted.device,
         n_pouches=wanted.n_pouches,
         ventricular_pressure=wanted.ventricular_pressure,
@@ -47,24 +47,24 @@ def scaling_case(loaded: Loaded, engine: str, displacements: int) -> Case:
         stiffness_ratio=1.0,
         mesh=Mesh(symmetry="full"),
         mesh_level=MeshLevel(degrees_of_freedom=displacements),
-        numerics=loaded.config.numerics_presets[name].for_engine(engine),
+        numerics=project.config.numerics_presets[name].for_engine(engine),
         numerics_name=name,
         engine=engine,
     )
 
 
-def measure_scaling(loaded: Loaded, engine: str, settings: EngineSettings) -> pd.DataFrame:
+def measure_scaling(project: Project, engine: str, settings: EngineSettings) -> pd.DataFrame:
     """A row of ``COLUMNS`` for each size of the configuration's ``scaling``, smallest first.
 
     Every size has a process of its own, whose end, whatever it is, is a row.
     """
-    wanted, rows = loaded.config.scaling, []
+    wanted, rows = project.config.scaling, []
     limits = {"cpu_seconds": 60.0 * wanted.minutes, "memory_mib": wanted.memory * machine_memory()}
     size = wanted.start
     while size <= LARGEST_MESH:
         if rows and any(_foreseen(rows, what, size) > most for what, most in limits.items()):
             break
-        case = scaling_case(loaded, engine, size)
+        case = scaling_case(project, engine, size)
         try:
             with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
                 row = pool.submit(_measure, case, settings).result()

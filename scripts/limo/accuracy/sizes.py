@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from limo.store import statuses
+
 #: columns of the table: units (none of a text), meaning
 COLUMNS = {
     "engine": ("", "what iterated a model of this size: calculix or newton"),
@@ -20,7 +22,8 @@ COLUMNS = {
 }
 
 
-MEASURED = "measured"
+#: status of a size that was measured
+MEASURED = statuses.MEASURED
 
 
 def read_scaling(folder: Path) -> dict[str, tuple[str, np.ndarray]]:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -12,27 +13,30 @@ import xarray as xr
 from limo.accuracy.errors import (
     CURVES,
     ERRORS,
-    _decades,
-    _efficiency,
-    _pressure,
-    _stress,
-    _stroke,
     changes_of,
+    decades_of,
+    efficiency_of,
     errors_of,
     mean_of,
     preset_of,
+    pressure_of,
     scatter_of,
+    stress_of,
+    stroke_of,
 )
 from limo.accuracy.kept_runs import runs_of
 from limo.accuracy.packing import packed, padded, stacked
-from limo.accuracy.runs import PARTS, Run, devices
+from limo.accuracy.roles import subjects
+from limo.accuracy.runs import Run
 from limo.accuracy.sizes import COLUMNS as SIZES
 from limo.accuracy.sizes import read_scaling
 from limo.accuracy.surfaces import SECTION
-from limo.config.project import Loaded
+from limo.config.project import Project
 from limo.errors import ResultError
+from limo.schema.study import ROLES
 from limo.store.files import UNREADABLE, write_netcdf
 from limo.store.machine import processor
+from limo.store.results import Results
 
 # --------------------------------------------------------------------------------------------------------------------
 # the kept dataset
@@ -58,8 +62,14 @@ TEXT = {
 }
 
 
-#: what tells rows from each other
-_KEY = ("device", "part", "kind", "setting", "branch")
+class RowKey(NamedTuple):
+    """What tells a row from others: subject, role of its study, kind, setting and branch, as the dataset calls them."""
+
+    device: str
+    part: str
+    kind: str
+    setting: str
+    branch: float
 
 
 #: numbers in a row besides errors: units, meaning
@@ -83,84 +93,103 @@ NUMBERS = {
 }
 
 
-def gather_errors(loaded: Loaded, results: Path, folder: Path, sources: Mapping[str, Sequence[str]]) -> xr.Dataset:
+def gather_errors(project: Project, results: Path, folder: Path, sources: Mapping[str, Sequence[str]]) -> xr.Dataset:
     """One row a run of every device: its setting, errors and cost, curves, heights at its frames.
 
     Of kind ``run``; rows of kind ``scatter`` have what the members of an ensemble differ among themselves, of kind ``mean``
     the errors of its mean. Sections are kept where the mesh level alone is changed and the engine is newton. ``folder``: where
-    the runs of ``KEPT_PARTS`` are. Raises ``ResultError`` where no device has two converged runs of its reference.
+    the runs of ``KEPT_ROLES`` are. Raises ``ResultError`` where no device has two converged runs of its reference.
     """
-    rows, kept = [], []
-    for device in devices(loaded):
-        runs = runs_of(loaded, device, results, folder, sources)
-        reference = [run for run in runs if run.part == "reference" and run.converged]
-        if len(reference) < 2:
-            continue
-        for members in _ensembles(runs):
-            if len(members) > 1:
-                mean = mean_of(members)
-                kinds = {"scatter": scatter_of(members), "mean": errors_of(mean, reference)}
-                rows += [_row(loaded, device, mean, kind, errors, members) for kind, errors in kinds.items()]
-                kept += [mean] * len(kinds)
-        for run in runs:
-            others = [r for r in reference if r is not run]
-            rows.append(_row(loaded, device, run, "run", errors_of(run, others), [run]))
-            kept.append(run)
+    rows, runs = [], []
+    for subject in subjects(project):
+        found = runs_of(project, subject, results, folder, sources)
+        for row, run in _rows(project, subject, found):
+            rows.append(row)
+            runs.append(run)
     if not rows:
         raise ResultError(
             f"{results}: no device with two converged runs of its reference; snakemake --cores 2 accuracy makes them"
         )
     data = {n: ("run", np.array([row[n] for row in rows], str if n in TEXT else float)) for n in rows[0]}
-    pressure = max((run.values.actuation_pressure.values for run in kept), key=len)
-    for name in CURVES:
-        each = np.full((len(kept), len(pressure)), np.nan)
-        for k, run in enumerate(kept):
-            each[k] = np.interp(pressure, run.values.actuation_pressure.values, run.values[name].values, right=np.nan)
-        data[name] = (("run", "actuation_pressure"), each)
-    surfaces = [run.surface for run in kept]
-    data["frame_pressure"] = (("run", "frame"), padded([np.empty(0) if s is None else s.pressure for s in surfaces]))
-    data["frame_height"] = (("run", "frame"), padded([np.empty(0) if s is None else s.height for s in surfaces]))
-    shown = [k for k, row in enumerate(rows) if surfaces[k] and _is_shown(row)]
-    data["section_run"] = ("section", np.array(shown, float))
-    cuts = stacked([surfaces[k].sections for k in shown], data["frame_height"][1].shape[1])
-    data["sections"] = (("section", "frame", "segment", "end", "plane"), cuts)
-    dataset = xr.Dataset(data | read_scaling(results / "scaling"), coords={"actuation_pressure": pressure})
+    pressure = max((run.values.actuation_pressure.values for run in runs), key=len)
+    data |= _curves(runs, pressure) | _heights(runs, rows)
+    dataset = xr.Dataset(data | read_scaling(Results(results).scalings), coords={"actuation_pressure": pressure})
     return _described(dataset).assign_attrs(
         title="errors of the settings of the device",
         machine=processor(),
-        presets=json.dumps({name: preset.model_dump(mode="json") for name, preset in loaded.config.presets.items()}),
+        presets=json.dumps({name: preset.model_dump(mode="json") for name, preset in project.config.presets.items()}),
     )
+
+
+def _rows(project: Project, subject: str, runs: Sequence[Run]) -> Iterator[tuple[dict, Run]]:
+    """The rows of a subject, ensembles first, and the run or the mean of each; none without a reference of two runs."""
+    reference = [run for run in runs if run.role == "reference" and run.converged]
+    if len(reference) < 2:
+        return
+    for members in _ensembles(runs):
+        if len(members) > 1:
+            mean = mean_of(members)
+            kinds = {"scatter": scatter_of(members), "mean": errors_of(mean, reference)}
+            for kind, errors in kinds.items():
+                yield _row(project, subject, mean, kind, errors, members), mean
+    for run in runs:
+        others = [r for r in reference if r is not run]
+        yield _row(project, subject, run, "run", errors_of(run, others), [run]), run
+
+
+def _curves(runs: Sequence[Run], pressure: np.ndarray) -> dict[str, tuple]:
+    """The curves of runs at pressures (n,) in kPa, NaN beyond what a run reached."""
+    curves = {}
+    for name in CURVES:
+        each = np.full((len(runs), len(pressure)), np.nan)
+        for k, run in enumerate(runs):
+            each[k] = np.interp(pressure, run.values.actuation_pressure.values, run.values[name].values, right=np.nan)
+        curves[name] = (("run", "actuation_pressure"), each)
+    return curves
+
+
+def _heights(runs: Sequence[Run], rows: Sequence[dict]) -> dict[str, tuple]:
+    """Heights of runs at their frames, and the sections of those that are shown."""
+    surfaces = [run.surface for run in runs]
+    heights = padded([np.empty(0) if s is None else s.height for s in surfaces])
+    shown = [k for k, row in enumerate(rows) if surfaces[k] and _is_shown(row)]
+    cuts = stacked([surfaces[k].sections for k in shown], heights.shape[1])
+    return {
+        "frame_pressure": (("run", "frame"), padded([np.empty(0) if s is None else s.pressure for s in surfaces])),
+        "frame_height": (("run", "frame"), heights),
+        "section_run": ("section", np.array(shown, float)),
+        "sections": (("section", "frame", "segment", "end", "plane"), cuts),
+    }
 
 
 def joined(dataset: xr.Dataset, earlier: xr.Dataset) -> xr.Dataset:
     """The rows of a dataset, and of an earlier one those that it lacks; sizes of the earlier one where there are none now."""
-    own = {*_keys(dataset)}
-    stay = [k for k, key in enumerate(_keys(earlier)) if key not in own]
+    later = {*keys_of(dataset)}
+    stay = [k for k, key in enumerate(keys_of(earlier)) if key not in later]
     parts = [_pieces(earlier, stay), _pieces(dataset, range(dataset.sizes["run"]))]
     frames = max(part.sizes["frame"] for part in parts)
     rows = xr.concat(
         [part.pad(frame=(0, frames - part.sizes["frame"])) for part in parts],
         "run", data_vars="all", coords="minimal", compat="override", join="outer", combine_attrs="drop",
     )  # fmt: skip
-    keys = _keys(rows)
-    names = list(dict.fromkeys(key[0] for key in keys))
-    order = sorted(range(len(keys)), key=lambda k: (names.index(keys[k][0]), keys[k][2] == "run", PARTS.index(keys[k][1]), k))
-    cuts = {key: cut for part, of in ((earlier, stay), (dataset, None)) for key, cut in _cuts(part, of).items()}
-    rows = rows.isel(run=order)
-    shown = [k for k, key in enumerate(_keys(rows)) if key in cuts]
-    found = stacked([cuts[_keys(rows)[k]] for k in shown], frames)
+    keys = keys_of(rows)
+    devices = list(dict.fromkeys(key.device for key in keys))
+    ranks = [(devices.index(key.device), key.kind == "run", ROLES.index(key.part)) for key in keys]
+    rows = rows.isel(run=sorted(range(len(keys)), key=lambda k: ranks[k]))
+    cuts = _cuts(earlier, stay) | _cuts(dataset, range(dataset.sizes["run"]))
+    shown = {k: cuts[key] for k, key in enumerate(keys_of(rows)) if key in cuts}
     sizes = dataset if dataset.size_engine.size else earlier
     rows = rows.assign(
-        section_run=("section", np.array(shown, float)),
-        sections=(("section", "frame", "segment", "end", "plane"), found),
+        section_run=("section", np.array([*shown], float)),
+        sections=(("section", "frame", "segment", "end", "plane"), stacked([*shown.values()], frames)),
         **{name: sizes[name] for name in sizes.data_vars if name.startswith("size_")},
     )
     return _described(rows).assign_attrs(dataset.attrs)
 
 
-def _keys(dataset: xr.Dataset) -> list[tuple]:
+def keys_of(dataset: xr.Dataset) -> list[RowKey]:
     """What tells each row from others."""
-    return list(zip(*(dataset[name].values.tolist() for name in _KEY), strict=True))
+    return [RowKey(*key) for key in zip(*(dataset[name].values.tolist() for name in RowKey._fields), strict=True)]
 
 
 def _pieces(dataset: xr.Dataset, rows: Sequence[int]) -> xr.Dataset:
@@ -168,23 +197,23 @@ def _pieces(dataset: xr.Dataset, rows: Sequence[int]) -> xr.Dataset:
     return dataset[[n for n, v in dataset.data_vars.items() if "run" in v.dims]].isel(run=list(rows))
 
 
-def _cuts(dataset: xr.Dataset, rows: Sequence[int] | None) -> dict[tuple, tuple[np.ndarray, ...]]:
-    """The sections of rows (none: of all) by what tells them from others, frame by frame without what pads them."""
-    keys = _keys(dataset)
+def _cuts(dataset: xr.Dataset, rows: Collection[int]) -> dict[RowKey, tuple[np.ndarray, ...]]:
+    """The sections of rows by what tells them from others, frame by frame without what pads them."""
+    keys = keys_of(dataset)
     return {
         keys[k]: tuple(frame[np.isfinite(frame).all(axis=(1, 2))] for frame in cut)
         for k, cut in zip(dataset.section_run.values.astype(int), dataset.sections.values, strict=True)
-        if rows is None or k in rows
+        if k in rows
     }
 
 
 def _ensembles(runs: Sequence[Run]) -> list[list[Run]]:
     """The converged runs of each mesh of the reference and of the scatter."""
-    found: dict[tuple[str, str], list[Run]] = {}
+    ensembles: dict[tuple[str, str], list[Run]] = {}
     for run in runs:
-        if run.part in ("reference", "scatter") and run.converged:
-            found.setdefault((run.part, run.variant), []).append(run)
-    return [*found.values()]
+        if run.role in ("reference", "scatter") and run.converged:
+            ensembles.setdefault((run.role, run.variant), []).append(run)
+    return [*ensembles.values()]
 
 
 #: what runs have in common whose sections are kept: those that the sections of the reference are compared with
@@ -217,19 +246,19 @@ def _described(dataset: xr.Dataset) -> xr.Dataset:
     return dataset
 
 
-def _row(loaded: Loaded, device: str, run: Run, kind: str, errors: dict[str, float], members: Sequence[Run]) -> dict:
+def _row(project: Project, subject: str, run: Run, kind: str, errors: dict[str, float], members: Sequence[Run]) -> dict:
     """A row of the dataset; ``members`` are the runs that its cost is the mean of."""
     values, surface = run.values, run.surface
-    changes = changes_of(loaded, device, run.case)
+    changes = changes_of(project, subject, run.case)
     return {
-        "device": device,
-        "part": run.part,
+        "device": subject,
+        "part": run.role,
         "kind": kind,
-        "setting": run.variant or run.part,
+        "setting": run.variant or run.role,
         "description": run.description,
         "varied": ", ".join(dict.fromkeys(changes.values())),
         "change": ", ".join(changes),
-        "preset": preset_of(loaded, run) if kind == "run" and not run.branch else "",
+        "preset": preset_of(project, run) if kind == "run" and not run.branch else "",
         "engine": run.case.engine,
         "build": str(values.solver_build.values),
         "level": run.case.mesh.level,
@@ -243,11 +272,11 @@ def _row(loaded: Loaded, device: str, run: Run, kind: str, errors: dict[str, flo
         "grading": run.case.mesh_level.grading,
         "degrees_of_freedom": run.equations[1],
         "solved_degrees_of_freedom": run.equations[0],
-        "stroke": _stroke(run),
-        "pressure_90ml": _pressure(run),
-        "efficiency_90ml": _efficiency(run),
-        "stress": _stress(run),
-        "cycles_decades": _decades(run),
+        "stroke": stroke_of(run),
+        "pressure_90ml": pressure_of(run),
+        "efficiency_90ml": efficiency_of(run),
+        "stress": stress_of(run),
+        "cycles_decades": decades_of(run),
         "height": float(surface.height[np.argmax(surface.pressure)]) if surface else np.nan,
         "dissipated_fraction": float(values.dissipated_fraction),
         "cpu_seconds": float(np.mean([np.median(m.times) for m in members])),
@@ -258,9 +287,9 @@ def _row(loaded: Loaded, device: str, run: Run, kind: str, errors: dict[str, flo
     }
 
 
-def add_errors(loaded: Loaded, results: Path, file: Path, sources: Mapping[str, Sequence[str]]) -> xr.Dataset:
+def add_errors(project: Project, results: Path, file: Path, sources: Mapping[str, Sequence[str]]) -> xr.Dataset:
     """The rows of the runs that are solved in ``results`` and, of those that are not, the ones that ``file`` has."""
-    dataset = gather_errors(loaded, results, file.parent, sources)
+    dataset = gather_errors(project, results, file.parent, sources)
     return joined(dataset, read_errors(file)) if file.exists() else dataset
 
 

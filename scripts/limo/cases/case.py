@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from limo.schema.numerics import Mesh, MeshLevel, Numerics
 from limo.store.code import code_digest
 from limo.store.digest import digest, number_label
 from limo.store.files import read_json
+from limo.store.results import CaseFiles
 
 
 @dataclass(frozen=True)
@@ -64,15 +66,18 @@ class Case:
             "branch": self.branch,
         }
 
-    def path(self, *, any_level: bool = False) -> str:
-        """Hash of all that decides how the solution evolves with P_a: everything but where it stops.
-
-        Cases with equal paths differ in P_a,max alone; with ``any_level`` they may differ in the mesh level too.
-        """
+    @cached_property
+    def path(self) -> str:
+        """Hash of all that decides how the solution evolves with P_a: cases with equal paths differ in P_a,max alone."""
         content = self.content()
         del content["actuation_pressure_max"]
-        if any_level:
-            del content["mesh"]["level"]
+        return digest(content)
+
+    @cached_property
+    def path_on_any_level(self) -> str:
+        """The same without the mesh level."""
+        content = self.content()
+        del content["actuation_pressure_max"], content["mesh"]["level"]
         return digest(content)
 
     def to_dict(self) -> dict[str, Any]:
@@ -87,12 +92,12 @@ class Case:
         values = {k: models[k].model_validate(v) if k in models else v for k, v in data.items()}
         return cls(**{**values, "frames": tuple(values["frames"])})
 
-    @property
+    @cached_property
     def mesh_id(self) -> str:
         """Name of the mesh, shared by all cases with the same outline, N_p, level and symmetry."""
         return f"{self.device_name}_np{self.n_pouches}_{self.mesh.level}_{self.mesh.symmetry}_{digest(self.mesh_content())}"
 
-    @property
+    @cached_property
     def label(self) -> str:
         """Device and the four physical numbers, with which the name of the case begins."""
         return (
@@ -100,7 +105,7 @@ class Case:
             f"_ar{number_label(self.aspect_ratio)}_eh{number_label(self.stiffness_ratio)}"
         )
 
-    @property
+    @cached_property
     def case_id(self) -> str:
         """Name of the case: the four physical numbers for people, a hash of all the rest."""
         return f"{self.label}_{self.mesh.level}_{self.numerics_name}_{digest(self.content())}"
@@ -121,20 +126,17 @@ def describe(case: Case) -> dict[str, Any]:
     return {"case": case.to_dict(), "code": solve_code(case.engine)}
 
 
-OWN_MESH = "mesh.vtu"  # in the folder of a case that its ladder put on another mesh
-
-
 def solved_on(case: Case, mesh_file: Path, folder: Path) -> tuple[Case, Path]:
     """A case as it was solved, and the file of its mesh: other ones where the recovery ladder put it on another mesh.
 
     ``folder`` is that of the case. Raises ``ResultError`` where its ``case.json`` says something else than it should.
     """
-    file = folder / "case.json"
-    other = read_json(file).get("solved_on") if file.exists() else None
+    files = CaseFiles(folder)
+    other = read_json(files.described).get("solved_on") if files.described.exists() else None
     if other is None:
         return case, mesh_file
     try:
         mesh, level = Mesh.model_validate(other["mesh"]), MeshLevel.model_validate(other["mesh_level"])
     except (KeyError, TypeError, ValueError) as error:
-        raise ResultError(f"{file}: solved_on is no mesh ({error})") from None
-    return replace(case, mesh=mesh, mesh_level=level), folder / OWN_MESH
+        raise ResultError(f"{files.described}: solved_on is no mesh ({error})") from None
+    return replace(case, mesh=mesh, mesh_level=level), files.own_mesh

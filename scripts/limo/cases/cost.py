@@ -17,7 +17,6 @@ import numpy as np
 from limo.cases.case import Case
 from limo.cases.plan import Plan
 from limo.cases.solved import Solved
-from limo.store.statuses import USABLE
 
 #: measured on the quarter model of level preview: s an iteration at 21 thousand displacements of four quarters, its growth
 SECONDS_PER_ITERATION, SIZE, GROWTH = 0.16, 21000, 1.3
@@ -67,12 +66,14 @@ def predict(cases: Iterable[Case], solved: Iterable[Solved] = ()) -> list[float]
     """CPU seconds of each case. ``solved``: cases on disk; those that did not converge tell nothing and are left out."""
     known: dict[tuple, list[tuple[list[float], float]]] = {}
     for one in solved:
-        try:
-            seconds, case = one.status["solver_cpu_seconds"], one.described["case"]
-            if one.status["status"] in USABLE and seconds > 0:
-                known.setdefault(_kind(case), []).append((_place(case), float(np.log(seconds / prior_seconds(case)))))
-        except (KeyError, TypeError, ValueError, ZeroDivisionError):
+        seconds = one.status.solver_cpu_seconds or 0.0
+        if not (one.status.is_usable and seconds > 0):
             continue
+        try:
+            case = one.described["case"]
+            known.setdefault(_kind(case), []).append((_place(case), float(np.log(seconds / prior_seconds(case)))))
+        except (KeyError, TypeError, ValueError, ZeroDivisionError):
+            continue  # described by another version
     return [prior_seconds(case) * _factor(case, known.get(_kind(case), [])) for case in map(Case.to_dict, cases)]
 
 

@@ -2,67 +2,137 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import product
+from types import MappingProxyType
+from typing import Any, NamedTuple
 
 from limo.cases.case import Case
-from limo.config.project import Loaded
+from limo.config.project import Project
 from limo.schema.device import Device
-from limo.schema.numerics import Numerics
 from limo.schema.section import ENGINES
+from limo.schema.study import Study
 
 
-def study_cases(loaded: Loaded, name: str) -> dict[tuple, Case]:
-    """The cases of a study by their places along ``study_axes``."""
-    study, config = loaded.studies[name], loaded.config
-    settings = loaded.settings(study)
-    devices = {
-        (variant, scale): _scaled(setting.device, scale)
-        for variant, setting in settings.items()
-        for scale in study.axes.width_scale or [None]
-    }
-    # what the engine does not look at is no part of a case: changing it must change nothing that a case is compared by
-    numerics = {name: s.numerics.for_engine(s.engine) for name, s in settings.items()}
-    cases = {}
-    for key in product(*study_axes(loaded, name).values()):
-        n_pouches, pressure, aspect, stiffness, scale, variant, branch = key
-        setting = settings[variant]
-        cases[key] = Case(
-            device=devices[variant, scale if study.axes.width_scale else None],
-            device_name=setting.device_name,
-            n_pouches=n_pouches,
-            ventricular_pressure=pressure,
-            actuation_pressure_max=study.maximum_for(pressure),
-            aspect_ratio=aspect,
-            stiffness_ratio=stiffness,
-            mesh=setting.mesh,
-            mesh_level=config.mesh_levels[setting.mesh.level],
-            numerics=numerics[variant],
-            numerics_name=setting.preset,
-            frames=tuple(study.frames_for(pressure)),
-            engine=setting.engine,
-            build=loaded.builds.get(setting.engine, ""),
-            branch=branch,
-        )
-    return cases
+class GridPoint(NamedTuple):
+    """Where a case lies in the grid of a study: a value of each axis, P_v in kPa.
 
-
-def study_axes(loaded: Loaded, name: str) -> dict[str, list]:
-    """The dimensions of a study's grid and their values; those that it does not vary have one.
-
-    Without ``width_scale`` devices have their own; the one of the study's device stands for it.
+    ``width_scale`` is the device's own where a study does not vary it, ``variant`` is empty where it has none.
     """
-    study = loaded.studies[name]
-    axes = study.axes
-    return {
-        "n_pouches": axes.n_pouches,
-        "ventricular_pressure": axes.ventricular_pressure,
-        "aspect_ratio": axes.aspect_ratio,
-        "stiffness_ratio": axes.stiffness_ratio,
-        "width_scale": axes.width_scale or [loaded.devices[study.device].pattern.width_scale],
-        "variant": list(study.variants) or [""],
-        "branch": list(range(loaded.branches_of(study))),
-    }
+
+    n_pouches: int
+    ventricular_pressure: float
+    aspect_ratio: float
+    stiffness_ratio: float
+    width_scale: float
+    variant: str
+    branch: int
+
+    def index(self, axes: Mapping[str, Sequence[Any]]) -> tuple[int, ...]:
+        """Its place along each of the axes of a study (``StudyGrid.axes``). Raises ``ValueError`` for a point beside them."""
+        return tuple(axes[name].index(value) for name, value in zip(self._fields, self, strict=True))
+
+
+@dataclass(frozen=True, eq=False)
+class StudyGrid:
+    """A study of a project, resolved once: axes, cases by point, and the points that another engine solves too."""
+
+    project: Project
+    name: str
+
+    @property
+    def study(self) -> Study:
+        """What its file says."""
+        return self.project.studies[self.name]
+
+    @cached_property
+    def axes(self) -> Mapping[str, tuple]:
+        """The dimensions of the grid (the fields of ``GridPoint``) and their values; those that are not varied have one.
+
+        Without ``width_scale`` devices have their own; the one of the study's device stands for it.
+        """
+        axes, project = self.study.axes, self.project
+        values = GridPoint(
+            n_pouches=axes.n_pouches,
+            ventricular_pressure=axes.ventricular_pressure,
+            aspect_ratio=axes.aspect_ratio,
+            stiffness_ratio=axes.stiffness_ratio,
+            width_scale=axes.width_scale or [project.devices[self.study.device].pattern.width_scale],
+            variant=list(self.study.variants) or [""],
+            branch=range(project.branches_of(self.study)),
+        )
+        return MappingProxyType({name: tuple(each) for name, each in values._asdict().items()})
+
+    @cached_property
+    def cases(self) -> Mapping[GridPoint, Case]:
+        """The cases by their points, the last axis varying fastest."""
+        study, config, settings = self.study, self.project.config, self.project.settings(self.name)
+        scales = study.axes.width_scale or [None]
+        devices = {(name, scale): _scaled(s.device, scale) for name, s in settings.items() for scale in scales}
+        # what the engine does not look at is no part of a case: changing it must change nothing that a case is compared by
+        numerics = {name: s.numerics.for_engine(s.engine) for name, s in settings.items()}
+        frames = {pressure: tuple(study.frames_for(pressure)) for pressure in study.axes.ventricular_pressure}
+        cases = {}
+        for point in map(GridPoint._make, product(*self.axes.values())):
+            setting = settings[point.variant]
+            cases[point] = Case(
+                device=devices[point.variant, point.width_scale if study.axes.width_scale else None],
+                device_name=setting.device_name,
+                n_pouches=point.n_pouches,
+                ventricular_pressure=point.ventricular_pressure,
+                actuation_pressure_max=study.maximum_for(point.ventricular_pressure),
+                aspect_ratio=point.aspect_ratio,
+                stiffness_ratio=point.stiffness_ratio,
+                mesh=setting.mesh,
+                mesh_level=config.mesh_levels[setting.mesh.level],
+                numerics=numerics[point.variant],
+                numerics_name=setting.preset,
+                frames=frames[point.ventricular_pressure],
+                engine=setting.engine,
+                build=self.project.builds.get(setting.engine, ""),
+                branch=point.branch,
+            )
+        return MappingProxyType(cases)
+
+    @cached_property
+    def cross_checks(self) -> Mapping[GridPoint, Case]:
+        """The cases that another engine solves too, ``cross_check`` of them, by their points, as that engine solves them.
+
+        They are spread evenly over the grid, the first and the last among them, and none is perturbed.
+        """
+        points = [point for point in self.cases if not point.branch]
+        count = min(self.study.cross_check, len(points))
+        chosen = [points[round(k * (len(points) - 1) / max(count - 1, 1))] for k in range(count)]
+        return MappingProxyType({point: self._by_other_engine(point) for point in chosen})
+
+    def _by_other_engine(self, point: GridPoint) -> Case:
+        case, numerics = self.cases[point], self.project.settings(self.name)[point.variant].numerics
+        other = next(engine for engine in ENGINES if engine != case.engine)
+        return replace(case, engine=other, build=self.project.builds.get(other, ""), numerics=numerics.for_engine(other))
+
+
+def study_grid(project: Project, name: str) -> StudyGrid:
+    """The grid of a study, the same one whenever the same project is asked."""
+    if name not in project.resolved:
+        project.resolved[name] = StudyGrid(project, name)
+    return project.resolved[name]
+
+
+def study_cases(project: Project, name: str) -> Mapping[GridPoint, Case]:
+    """The cases of a study by their points (``StudyGrid.cases``)."""
+    return study_grid(project, name).cases
+
+
+def study_axes(project: Project, name: str) -> Mapping[str, tuple]:
+    """The dimensions of a study's grid and their values (``StudyGrid.axes``)."""
+    return study_grid(project, name).axes
+
+
+def cross_checks(project: Project, name: str) -> Mapping[GridPoint, Case]:
+    """The cases of a study that another engine solves too (``StudyGrid.cross_checks``)."""
+    return study_grid(project, name).cross_checks
 
 
 def _scaled(device: Device, scale: float | None) -> Device:
@@ -70,21 +140,3 @@ def _scaled(device: Device, scale: float | None) -> Device:
     if scale is None:
         return device
     return device.model_copy(update={"pattern": device.pattern.model_copy(update={"width_scale": scale})})
-
-
-def cross_checks(loaded: Loaded, name: str) -> dict[tuple, Case]:
-    """The cases of a study that another engine solves too, by their place in the study's grid: ``cross_check`` of them.
-
-    They are spread evenly over the grid, the first and the last among them, and none is perturbed.
-    """
-    study = loaded.studies[name]
-    cases = {key: case for key, case in study_cases(loaded, name).items() if not case.branch}
-    settings = loaded.settings(study)
-    count, keys = min(study.cross_check, len(cases)), list(cases)
-    places = [round(k * (len(keys) - 1) / max(count - 1, 1)) for k in range(count)]
-    return {keys[k]: _by_other_engine(loaded, cases[keys[k]], settings[keys[k][-2]].numerics) for k in places}
-
-
-def _by_other_engine(loaded: Loaded, case: Case, numerics: Numerics) -> Case:
-    other = next(e for e in ENGINES if e != case.engine)
-    return replace(case, engine=other, build=loaded.builds.get(other, ""), numerics=numerics.for_engine(other))

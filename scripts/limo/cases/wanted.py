@@ -6,9 +6,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from limo.cases.grid import study_cases
-from limo.config.project import Loaded
-from limo.schema.study import OUTPUTS
+from limo.cases.grid import GridPoint, study_cases
+from limo.config.project import Project
+from limo.schema.study import OUTPUTS, Study
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Wanted:
 
 
 def wanted_cases(
-    loaded: Loaded, studies: Iterable[str] | None = None, served: Mapping[str, Mapping[tuple, str]] | None = None
+    project: Project, studies: Iterable[str] | None = None, served: Mapping[str, Mapping[GridPoint, str]] | None = None
 ) -> dict[str, Wanted]:
     """What the studies (default: all) want of each case, by its id; cases of which only volumes are wanted are left out.
 
@@ -43,23 +43,26 @@ def wanted_cases(
     """
     pressures: dict[str, dict[str, set[float]]] = {}
     drawn: dict[str, set[str]] = {}
-    for name in loaded.studies if studies is None else studies:
-        study = loaded.studies[name]
-        if not study.measures:
-            continue
-        for key, case in study_cases(loaded, name).items():
-            case_id = served[name][key] if served else case.case_id
-            of_case = pressures.setdefault(case_id, {})
-            p_v = case.ventricular_pressure
-            for output in study.measures:
-                chosen = study.fields_at if output == "fields" else [*study.frames, *study.fields_at]
-                of_case.setdefault(output, set()).update(p for p in (study.pressure_of(f, p_v) for f in chosen) if p is not None)
+    for name in project.studies if studies is None else studies:
+        study = project.studies[name]
+        for point, case in study_cases(project, name).items() if study.measures else ():
+            case_id = served[name][point] if served else case.case_id
+            for output, values in _measured_at(study, case.ventricular_pressure).items():
+                pressures.setdefault(case_id, {}).setdefault(output, set()).update(values)
             if "fields" in study.measures:
                 drawn.setdefault(case_id, set()).update(o for o in study.measures if o != "fields")
     return {
         case_id: Wanted(
-            {o: tuple(sorted(of_case[o])) for o in OUTPUTS if o in of_case},
+            {o: tuple(sorted(by_output[o])) for o in OUTPUTS if o in by_output},
             tuple(o for o in OUTPUTS if o in drawn.get(case_id, ())),
         )
-        for case_id, of_case in pressures.items()
+        for case_id, by_output in pressures.items()
     }
+
+
+def _measured_at(study: Study, ventricular_pressure: float) -> dict[str, list[float]]:
+    """The pressures (kPa) at which a study has each output computed of a case at a P_v (kPa)."""
+    at_frames = [*study.frames, *study.fields_at]
+    chosen = {output: study.fields_at if output == "fields" else at_frames for output in study.measures}
+    values = {output: [study.pressure_of(f, ventricular_pressure) for f in entries] for output, entries in chosen.items()}
+    return {output: [p for p in each if p is not None] for output, each in values.items()}

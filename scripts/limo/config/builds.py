@@ -1,35 +1,51 @@
-"""The engines that a project uses, and which builds of them solve here."""
+"""A project that is ready to be solved: with the builds of the engines that it uses, which names of cases contain."""
 
 from __future__ import annotations
 
-from collections.abc import Collection
+import logging
+from collections.abc import Collection, Iterable
 from pathlib import Path
 
-from limo.config.project import Loaded
-from limo.engines import find
+from limo.config.load import ALL, load_config
+from limo.config.project import Project
+from limo.engines.find import find_builds
+
+log = logging.getLogger(__name__)
 
 
-def find_engines(loaded: Loaded, config_file: str, studies: Collection[str] = (), *, strict: bool = False) -> Path | None:
-    """Note the builds of the engines that are used in ``loaded``; returns the executable of one that has its own.
+def with_found_builds(
+    project: Project, config_file: str, engines: Collection[str] | None = None, needed: Collection[str] | None = None
+) -> tuple[Project, Path | None]:
+    """A project with the builds of engines (default: those it uses) that are found, and the executable of one that has its own.
 
-    Those of ``studies`` (none: those that the configuration runs) must be there; an engine that others use may be lacking, and
-    has no build then. ``strict``: all must be there. Raises ``ConfigError`` or ``SolverNotFoundError``.
+    One that is not ``needed`` (default: all are) may be lacking and has no build then. Raises ``ConfigError`` or
+    ``SolverNotFoundError`` for one that is needed.
     """
-    test = loaded.config.stress_test
-    used = _engines_of(loaded, loaded.studies) | {*(test.engines if test else ())}
-    return _find(loaded, config_file, used, used if strict else _engines_of(loaded, studies or loaded.config.studies))
+    builds = find_builds(project.config.solver, config_file, project.engines if engines is None else engines, needed)
+    command = next((build.command for build in builds.values() if build.command), None)
+    return project.with_builds({**project.builds, **{name: build.id for name, build in builds.items()}}), command
 
 
-def find_builds(loaded: Loaded, config_file: str, engines: Collection[str]) -> Path | None:
-    """The same for ``engines``, whoever uses them: all must be there."""
-    return _find(loaded, config_file, engines, engines)
+def open_project(config_file: str, studies: Iterable[str] = (), example: str = "limo check", *, strict: bool = False) -> Project:
+    """The project of a configuration with the builds of its engines; warns of files that are left out.
+
+    ``studies`` are asked for (none: those that the configuration runs); ``example`` is a command that works. ``strict``: no file
+    may have a mistake. Raises what ``load_config``, ``Project.require`` and ``with_found_builds`` raise.
+    """
+    names = list(studies)
+    project = load_config(config_file, names or [ALL], strict=strict)
+    project.require(names, config_file, example)
+    warn_of_broken(project)
+    needed = project.engines if strict else engines_of(project, names or project.config.studies)
+    return with_found_builds(project, config_file, needed=needed)[0]
 
 
-def _find(loaded: Loaded, config_file: str, engines: Collection[str], needed: Collection[str]) -> Path | None:
-    builds = find.find_builds(loaded.config.solver, config_file, engines, needed)
-    loaded.builds.update({name: build.id for name, build in builds.items()})
-    return next((build.command for build in builds.values() if build.command), None)
+def engines_of(project: Project, studies: Iterable[str]) -> set[str]:
+    """The engines that solve some studies; names of none are passed over."""
+    return {engine for name in studies if name in project.studies for engine in project.engines_of(name)}
 
 
-def _engines_of(loaded: Loaded, studies: Collection[str]) -> set[str]:
-    return {engine for name in studies for engine in loaded.engines_of(loaded.studies[name])}
+def warn_of_broken(project: Project) -> None:
+    """Log a warning for each mistake in a file that was left out."""
+    for warning in project.warnings:
+        log.warning("%s", warning)

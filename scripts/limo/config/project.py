@@ -1,110 +1,158 @@
-"""A configuration with its devices, studies and airbags, each study resolved into its settings."""
+"""A configuration with its devices, studies and airbags: checked, immutable, each study resolved once."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import InitVar, dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
-from typing import Any
+from types import MappingProxyType
+from typing import Any, TypeVar
 
-from limo.errors import ConfigError
+from limo.config.settings import Setting, default_of, setting_of, variants_of
+from limo.errors import ConfigError, LimoError
 from limo.schema.accuracy import Airbag
 from limo.schema.config import Config, Preset
-from limo.schema.device import Device, Material
-from limo.schema.numerics import Mesh, Numerics
+from limo.schema.device import Device
 from limo.schema.section import ENGINES
-from limo.schema.study import Study, Variant
+from limo.schema.study import Study
+
+Value = TypeVar("Value")
 
 
-@dataclass(frozen=True)
-class Setting:
-    """What the cases of a study, or of one of its variants, are solved with; ``device_name`` and ``preset`` are names."""
+class Sound(dict[str, Value]):
+    """The sound files of a folder by their names. To ask for a broken one raises the mistake that is in it."""
 
-    device_name: str
-    device: Device
-    mesh: Mesh
-    preset: str
-    numerics: Numerics
-    engine: str
+    def __init__(self, values: Mapping[str, Value], broken: Mapping[str, ConfigError]):
+        super().__init__(values)
+        self.broken = broken
 
-
-def _merged(data: dict[str, Any], change: dict[str, Any]) -> dict[str, Any]:
-    """Nested ``data`` with the values of ``change`` in their places."""
-    both = {k: _merged(data[k], v) for k, v in change.items() if isinstance(v, dict) and isinstance(data.get(k), dict)}
-    return data | change | both
+    def __missing__(self, name: str) -> Value:
+        raise self.broken.get(name) or KeyError(name)
 
 
-class Loaded:
-    """A configuration with its devices and studies resolved and checked against each other.
+@dataclass(frozen=True, eq=False)
+class Project:
+    """A configuration with its devices, studies and airbags, resolved and checked against each other.
 
-    ``config`` (``Config``), ``devices``, ``studies`` and ``airbags`` (by name), ``files`` (path of each of them), ``builds``
-    (which build of each engine would solve; empty until someone looks).
+    ``files`` are paths by ``devices/<name>``, ``studies/<name>`` and ``airbags/<name>``. ``builds``: which build of each engine
+    would solve, as it was handed in; names of cases contain it. ``broken``: the mistakes of files that were left out, by the
+    same names, and of ``stress_test`` and ``scaling`` where their device is broken. ``checked``: settings that are known already.
     """
 
-    def __init__(
-        self,
-        config: Config,
-        devices: dict[str, Device],
-        studies: dict[str, Study],
-        files: dict[str, Path],
-        airbags: dict[str, Airbag] | None = None,
-    ):
-        self.config, self.devices, self.studies, self.files, self.airbags = config, devices, studies, files, airbags or {}
-        self.builds: dict[str, str] = {}
+    config: Config
+    devices: Mapping[str, Device]
+    studies: Mapping[str, Study]
+    files: Mapping[str, Path]
+    airbags: Mapping[str, Airbag] = field(default_factory=dict)
+    builds: Mapping[str, str] = field(default_factory=dict)
+    broken: Mapping[str, ConfigError] = field(default_factory=dict)
+    checked: InitVar[Mapping[str, Mapping[str, Setting]] | None] = None
+
+    def __post_init__(self, checked: Mapping[str, Mapping[str, Setting]] | None) -> None:
+        for folder in ("devices", "studies", "airbags"):
+            sound = Sound(getattr(self, folder), self._broken_in(folder))
+            object.__setattr__(self, folder, MappingProxyType(sound))
+        for name in ("files", "builds", "broken"):
+            object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
+        self._settings.update(checked or {})
+
+    def with_builds(self, builds: Mapping[str, str]) -> Project:
+        """The same project with other builds of engines."""
+        return replace(self, builds=builds, checked=self._settings)  # no build is part of a setting
+
+    # ----------------------------------------------------------------------------------------------------------------
+    # what was left out
+
+    def _broken_in(self, folder: str) -> dict[str, ConfigError]:
+        return {key.partition("/")[2]: error for key, error in self.broken.items() if key.startswith(f"{folder}/")}
+
+    def require_sound(self, key: str) -> None:
+        """Raise the mistake of what was left out under a key of ``broken``, if it was."""
+        if error := self.broken.get(key):
+            raise error
 
     def require(self, names: Iterable[str], file: object, example: str) -> None:
-        """Raise ``ConfigError`` for the first of ``names`` that is no study of ``file``; ``example`` is a command that works."""
+        """Raise ``ConfigError`` for the first of ``names`` that is no study of ``file``; ``example`` is a command that works.
+
+        For a broken study it is the mistake in its file.
+        """
         for name in names:
+            self.require_sound(f"studies/{name}")
             if name not in self.studies:
                 raise ConfigError(file, "STUDY", name, f"one of: {', '.join(self.studies)}", example)
 
-    def settings(self, study: Study) -> dict[str, Setting]:
+    def require_device(self, name: str, file: object, key: str, example: str) -> None:
+        """Raise ``ConfigError`` if ``key`` of ``file`` names no device; for a broken one it is the mistake in its file."""
+        self.require_sound(f"devices/{name}")
+        if name not in self.devices:
+            raise ConfigError(file, key, name, f"one of: {', '.join(self.devices)}", example)
+
+    def require_all(self) -> None:
+        """Raise ``LimoError`` with one line for each mistake in a file that was left out; a single one is raised itself."""
+        mistakes = {str(error): error for error in self.broken.values()}
+        if len(mistakes) == 1:
+            raise next(iter(mistakes.values()))
+        if mistakes:
+            raise LimoError("\n".join(mistakes))
+
+    @property
+    def warnings(self) -> list[str]:
+        """A sentence for each mistake in a file that was left out."""
+        mistakes: dict[str, list[str]] = {}
+        for key, error in self.broken.items():
+            mistakes.setdefault(str(error), []).append(key.rpartition("/")[2])
+        left_out = "left out, as nothing that was asked for uses it"
+        return [f"{left_out}: {', '.join(names)}; {text}" for text, names in mistakes.items()]
+
+    # ----------------------------------------------------------------------------------------------------------------
+    # studies
+
+    @cached_property
+    def _settings(self) -> dict[str, Mapping[str, Setting]]:
+        return {}
+
+    @cached_property
+    def resolved(self) -> dict[str, Any]:
+        """What rooms above have made of studies, by their names, so that each study is resolved once (``cases.grid``)."""
+        return {}
+
+    def settings(self, name: str) -> Mapping[str, Setting]:
         """What a study uses, by the names of its variants; without variants by an empty name.
 
-        Raises pydantic's ``ValidationError`` if the overridden numerics or material are invalid, ``KeyError`` for an unknown
-        name.
+        Raises pydantic's ``ValidationError`` if overridden numerics or material are invalid, ``KeyError`` for an unknown name.
         """
-        return {name: self._setting(study, variant) for name, variant in (study.variants or {"": Variant()}).items()}
+        if name not in self._settings:
+            study = self.studies[name]
+            made = {n: setting_of(self.config, self.devices, study, variant) for n, variant in variants_of(study).items()}
+            self._settings[name] = MappingProxyType(made)
+        return self._settings[name]
 
     def default(self, preset: str | None = None) -> Config | Preset:
-        """What has mesh, numerics, engine, branches where nothing else is said: a preset, else the configuration's, or itself.
-
-        Raises ``KeyError`` for a name that is not there.
-        """
-        name = preset or self.config.preset
-        return self.config.presets[name] if name else self.config
+        """What has mesh, numerics, engine, branches where nothing else is said (``settings.default_of``)."""
+        return default_of(self.config, preset)
 
     def branches_of(self, study: Study) -> int:
         """How many solutions each case of a study has."""
         return study.branches or self.default(study.preset).branches
 
-    def _setting(self, study: Study, variant: Variant) -> Setting:
-        default = self.default(study.preset)
-        mesh = study.mesh or default.mesh
-        if variant.mesh:
-            mesh = mesh.model_copy(update={k: getattr(variant.mesh, k) for k in variant.mesh.model_fields_set})
-        preset, change = default.numerics, {}
-        for own in (study.numerics, variant.numerics):
-            preset, change = (own, {}) if isinstance(own, str) else (preset, _merged(change, own or {}))
-        numerics = self.config.numerics_presets[preset]
-        if change:
-            numerics = Numerics.model_validate(_merged(numerics.model_dump(exclude_unset=True), change))
-        device_name = variant.device or study.device
-        device = self.devices[device_name]
-        if change := study.material | variant.material:
-            device = device.model_copy(update={"material": Material.model_validate(device.material.model_dump() | change)})
-        return Setting(device_name, device, mesh, preset, numerics, variant.engine or study.engine or default.engine)
-
-    def engines_of(self, study: Study) -> list[str]:
+    def engines_of(self, name: str) -> list[str]:
         """The engines that a study uses, of ``ENGINES``."""
-        used = {setting.engine for setting in self.settings(study).values()}
-        return [engine for engine in ENGINES if engine in used or study.cross_check]
+        used = {setting.engine for setting in self.settings(name).values()}
+        return [engine for engine in ENGINES if engine in used or self.studies[name].cross_check]
+
+    @property
+    def engines(self) -> list[str]:
+        """The engines that the studies and the stress test use, of ``ENGINES``."""
+        used = {engine for name in self.studies for engine in self.engines_of(name)}
+        used.update(self.config.stress_test.engines if self.config.stress_test else ())
+        return [engine for engine in ENGINES if engine in used]
 
     def content(self, name: str) -> dict[str, Any]:
         """The resolved configuration of a study: what its dataset depends on besides the results of its cases."""
         study = self.studies[name]
-        # what is drawn of a dataset is no part of it
-        sections = {"study": study.model_dump(mode="json", exclude={"figures", "measured"})}
+        # what is drawn of a dataset, and what it serves for, is no part of it
+        sections = {"study": study.model_dump(mode="json", exclude={"figures", "measured", "role", "subject"})}
         sections["study"]["branches"] = self.branches_of(study)
         sections["settings"] = {
             name: {
@@ -114,7 +162,7 @@ class Loaded:
                 "numerics": setting.numerics.model_dump(mode="json"),
                 "engine": setting.engine,
             }
-            for name, setting in self.settings(study).items()
+            for name, setting in self.settings(name).items()
         }
         if "fatigue" in study.measures:
             sections["fatigue"] = self.config.fatigue.model_dump(mode="json")

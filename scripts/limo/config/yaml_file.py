@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import re
 from pathlib import Path
@@ -14,7 +15,7 @@ from limo.errors import ConfigError
 from limo.schema.section import Section
 
 
-class _UniqueKeyLoader(yaml.SafeLoader):
+class _UniqueKeys:
     """Refuses a key that stands twice in a mapping (plain YAML lets the last one win without a word)."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict:
@@ -25,24 +26,47 @@ class _UniqueKeyLoader(yaml.SafeLoader):
         return super().construct_mapping(node, deep)
 
 
-# YAML 1.1 reads 1e6 as text: take it as the number it is
-_UniqueKeyLoader.add_implicit_resolver(
-    "tag:yaml.org,2002:float",
-    re.compile(r"^[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)$"),
-    list("-+0123456789."),
-)
+class _Loader(_UniqueKeys, yaml.SafeLoader):
+    """Reads any text, or says what is wrong with it."""
+
+
+class _FastLoader(_UniqueKeys, getattr(yaml, "CSafeLoader", yaml.SafeLoader)):
+    """The same by libyaml, ten times as fast, which ends the process where a text is nested too deeply."""
+
+
+#: brackets and length of a line together up to which a text cannot be nested too deeply
+_SHALLOW = 2000
+for _loader in (_Loader, _FastLoader):
+    # YAML 1.1 reads 1e6 as text: take it as the number it is
+    _loader.add_implicit_resolver(
+        "tag:yaml.org,2002:float",
+        re.compile(r"^[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)$"),
+        list("-+0123456789."),
+    )
+
+
+def _load(text: str) -> Any:
+    """The content of a text. What libyaml refuses is read again, because the other loader's messages say more.
+
+    Tabs, question marks and tags are left to the other loader, because libyaml takes some that it does not.
+    """
+    depth = text.count("[") + text.count("{") + max(map(len, text.splitlines()), default=0)
+    if depth < _SHALLOW and not {*"\t?!"} & {*text}:
+        with contextlib.suppress(yaml.YAMLError, ValueError, RecursionError, TypeError):
+            return yaml.load(text, Loader=_FastLoader)
+    return yaml.load(text, Loader=_Loader)
 
 
 def read_yaml(path: Path) -> dict[str, Any]:
     """A YAML mapping. Raises ``ConfigError`` when it cannot be read or is not a mapping."""
     try:
-        data = yaml.load(path.read_text(encoding="utf-8"), Loader=_UniqueKeyLoader)
+        data = _load(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(path, "(file)", str(error), "a readable text file", "config/devices/limo.yaml") from None
     except (yaml.YAMLError, ValueError, RecursionError, TypeError) as error:
-        where = getattr(error, "problem_mark", None)
-        at = f"line {where.line + 1}" if where else "(file)"
-        raise ConfigError(path, at, getattr(error, "problem", None) or str(error), "YAML", "key: value") from None
+        mark = getattr(error, "problem_mark", None)
+        place = f"line {mark.line + 1}" if mark else "(file)"
+        raise ConfigError(path, place, getattr(error, "problem", None) or str(error), "YAML", "key: value") from None
     if not isinstance(data, dict):
         raise ConfigError(path, "(file)", data, "a mapping of keys to values", "device: limo")
     return data
@@ -53,10 +77,10 @@ def parse(model: type[Section], data: dict[str, Any], path: Path) -> Any:
     try:
         return model.model_validate(data)
     except ValidationError as error:
-        raise _explain(model, error, path) from None
+        raise explain(model, error, path) from None
 
 
-def _explain(model: type[Section], error: ValidationError, path: Path) -> ConfigError:
+def explain(model: type[Section], error: ValidationError, path: Path) -> ConfigError:
     """One message for the first mistake pydantic found."""
     errors = error.errors()
     # of the branches of a union, the one that got furthest into the value says most

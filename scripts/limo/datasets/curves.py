@@ -8,6 +8,7 @@ import xarray as xr
 from limo.datasets.variables import CURVE_DIMS, VARIABLES
 from limo.measure.efficiency import efficiency_at_stroke, io_ratio
 from limo.measure.ramp import ramp_of
+from limo.store.statuses import MISSING
 
 STROKE_FOR_EFFICIENCY = 90.0  # ml, physiological stroke volume (paper, Afterload sensitivity)
 
@@ -32,7 +33,7 @@ def curves(
         ventricle, actuation = (np.interp(ends, pressure, values) for values in (ventricle, actuation))
         pressure = ends
     stroke, change = ventricle[0] - ventricle, actuation - actuation[0]
-    at = {
+    known = {
         "ventricle_volume": ventricle,
         "actuation_volume": actuation,
         "stroke_volume": stroke,
@@ -40,7 +41,7 @@ def curves(
     }
     # the solver's clock is rounded: an end a hair short of a wanted pressure is that pressure
     pressures = np.where(np.isclose(pressures, pressure[-1], rtol=1e-6, atol=1e-6), pressure[-1], pressures)
-    for name, values in at.items():
+    for name, values in known.items():
         result[name] = np.interp(pressures, pressure, values, right=np.nan)
     result["io_ratio"] = io_ratio(result["stroke_volume"], result["actuation_volume_change"])
     eta, reached = efficiency_at_stroke(pressure, ventricular_pressure, stroke, change, STROKE_FOR_EFFICIENCY)
@@ -64,8 +65,8 @@ def at_end(curve: xr.DataArray) -> xr.DataArray:
 
 def absent(dataset: xr.Dataset) -> xr.DataArray:
     """Which cases of a study's dataset are not solved, or not measured where the study wants that."""
-    solved = dataset.case_status != "missing"
-    return ~solved if "measure_status" not in dataset else ~solved | (dataset.measure_status == "missing")
+    solved = dataset.case_status != MISSING
+    return ~solved if "measure_status" not in dataset else ~solved | (dataset.measure_status == MISSING)
 
 
 def completed(dataset: xr.Dataset, earlier: xr.Dataset) -> xr.Dataset:

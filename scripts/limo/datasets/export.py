@@ -7,9 +7,10 @@ from pathlib import Path
 import pandas as pd
 import xarray as xr
 
+from limo.schema.pressures import DECIMALS
+
 PRESSURE = "actuation_pressure"
 _SPREAD = ("zone", "side", "event")  # dimensions that become columns
-_DIGITS = 6  # decimals of a pressure in kPa: closer ones are the same
 
 
 def tidy(dataset: xr.Dataset) -> pd.DataFrame:
@@ -30,15 +31,15 @@ def tidy(dataset: xr.Dataset) -> pd.DataFrame:
     curves = [n for n, v in columns.items() if PRESSURE in v.dims]
     framed = [n for n, v in columns.items() if "frame" in v.dims]
     rows = _table(columns, curves, [*dims, PRESSURE]).dropna(subset=curves, how="all")
-    rows[PRESSURE] = rows[PRESSURE].round(_DIGITS)
+    rows[PRESSURE] = rows[PRESSURE].round(DECIMALS)
     if "frame_pressure" in framed:
         frames = _table(columns, framed, [*dims, "frame"]).dropna(subset="frame_pressure")
-        frames[PRESSURE] = frames.pop("frame_pressure").round(_DIGITS)
+        frames[PRESSURE] = frames.pop("frame_pressure").round(DECIMALS)
         rows = rows.merge(frames.drop_duplicates([*dims, PRESSURE]), on=[*dims, PRESSURE], how="outer")
-    found = _table(columns, by_case, dims).merge(rows, on=dims, how="left").sort_values([*dims, PRESSURE], ignore_index=True)
+    table = _table(columns, by_case, dims).merge(rows, on=dims, how="left").sort_values([*dims, PRESSURE], ignore_index=True)
     texts = [n for n in ("case_id", "case_status", "case_reason") if n in by_case]
     order = list(dict.fromkeys([*dims, *texts, PRESSURE, *curves, *(c for c in rows if c not in dims), *by_case]))
-    return found[order].rename(columns=lambda name: f"{name} [{units[name]}]" if units.get(name) else name)
+    return table[order].rename(columns=lambda name: f"{name} [{units[name]}]" if units.get(name) else name)
 
 
 def _spread(name: str, variable: xr.DataArray) -> dict[str, xr.DataArray]:

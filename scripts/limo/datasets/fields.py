@@ -189,10 +189,10 @@ def _write_all(model: Model, frames: CaseFrames, wanted: Wanted, fatigue: Fatigu
         return folder / file
 
     for requested in wanted.pressures.get("fields", ()):
-        at = frames.find(requested)
-        if at is None:
+        frame = frames.find(requested)
+        if frame is None:
             continue
-        pressure, u = float(frames.pressure[at]), frames.displacement[at].astype(float)
+        pressure, u = float(frames.pressure[frame]), frames.displacement[frame].astype(float)
         source = f"{frames.file}, frame at {pressure:g} kPa"
         flat, deformed = frame_fields(model, u, wanted.drawn, amplitude, fatigue, source)
         write_vtu(mirrored(flat, model.mesh.symmetry), add("reference", pressure))
@@ -212,9 +212,9 @@ def _write_all(model: Model, frames: CaseFrames, wanted: Wanted, fatigue: Fatigu
 
 def _amplitude(model: Model, frames: CaseFrames, wanted: Wanted) -> np.ndarray | None:
     """Largest principal membrane strain (m, 4) over the frames that fatigue asks for."""
-    found = []
+    strains = []
     for requested in wanted.pressures["fatigue"]:
-        if (at := frames.find(requested)) is not None:
-            state = layer_state(model, frames.displacement[at].astype(float), surface_points(), frames.file)
-            found.append(membrane_principal(inside_out(model.mesh, state.strain)[:, 1]))
-    return largest_amplitude(np.array(found)) if found else None
+        if (frame := frames.find(requested)) is not None:
+            state = layer_state(model, frames.displacement[frame].astype(float), surface_points(), frames.file)
+            strains.append(membrane_principal(inside_out(model.mesh, state.strain)[:, 1]))
+    return largest_amplitude(np.array(strains)) if strains else None

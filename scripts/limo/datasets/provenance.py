@@ -9,20 +9,21 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from limo import __version__
-from limo.config.project import Loaded
+from limo.config.project import Project
 from limo.datasets.variables import PAPER
 from limo.store.files import CONVENTIONS
 
 
-def _attributes(loaded: Loaded, name: str) -> dict[str, str]:
-    study = loaded.studies[name]
+def study_attributes(project: Project, name: str) -> dict[str, str]:
+    """The attributes of a study's dataset: what it is, and what it is made of."""
+    study = project.studies[name]
     return {
         "title": f"{name}: {study.description}" if study.description else name,
         "Conventions": CONVENTIONS,
         "references": PAPER,
-        "source": f"displacements of a Less In More Out device by the engine {' and '.join(loaded.engines_of(study))}",
+        "source": f"displacements of a Less In More Out device by the engine {' and '.join(project.engines_of(name))}",
         "study": name,
-        "config": json.dumps(loaded.content(name), sort_keys=True),
+        "config": json.dumps(project.content(name), sort_keys=True),
         "versions": json.dumps(_versions(), sort_keys=True),
         "git_commit": git_commit(),
     }

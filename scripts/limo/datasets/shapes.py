@@ -16,8 +16,9 @@ import numpy as np
 import xarray as xr
 
 from limo.cases.case import Case, solved_on
-from limo.cases.grid import study_cases
-from limo.config.project import Loaded
+from limo.cases.grid import study_grid
+from limo.config.project import Project
+from limo.datasets.gather import GridArrays, Member, attributes, frame_labels, members
 from limo.datasets.variables import CASE_DIMS, describe_axes, on_axes
 from limo.errors import LimoError, ResultError
 from limo.measure.buckling import events
@@ -32,8 +33,11 @@ from limo.mechanics.layer import inside_out, layer_state, nodal, surface_points
 from limo.mechanics.model import Model
 from limo.mesh.layers import DeviceMesh
 from limo.schema.figures import items_of
+from limo.schema.pressures import reaches
 from limo.schema.study import Study
 from limo.store.files import read_json, write_netcdf
+from limo.store.results import CaseFiles
+from limo.store.statuses import NOT_MEASURED
 
 MESH = {"long_name": "name of a mesh, of its file in results/meshes"}
 _LEVELS = 4000  # steps of a packed variable on either side of zero: more would be noise, which no compression takes
@@ -83,12 +87,11 @@ _INTEGERS = ("quads", "layer", "face", "pouch", "frame_contact", "line_number", 
 
 def frame_entries(study: Study) -> dict[str, float | str]:
     """The pressures whose shapes are kept, as the study writes them, by their labels."""
-    frames = [*(study.frames if "frames" in items_of(study.figures) else ()), *study.fields_at]
-    return {f if isinstance(f, str) else f"{f:g}": f for f in frames}
+    return frame_labels([*(study.frames if "frames" in items_of(study.figures) else ()), *study.fields_at])
 
 
 def gather_shapes(
-    loaded: Loaded, name: str, case_folder: Path, mesh_folder: Path, sources: Sequence[str] | None = None
+    project: Project, name: str, case_folder: Path, mesh_folder: Path, sources: Sequence[str] | None = None
 ) -> xr.Dataset:
     """The shapes of a study from the frames of its cases below ``case_folder`` and the meshes in ``mesh_folder``.
 
@@ -96,55 +99,67 @@ def gather_shapes(
     ``sources``: ids of the cases that serve the study, in the order of its grid (default: its own cases). A case without
     usable frames has none here, and ``shape_reason`` says why; the others do not notice.
     """
-    study, every = loaded.studies[name], study_cases(loaded, name)
-    cases = {key: case for key, case in every.items() if not case.branch}
-    items, entries = items_of(study.figures), frame_entries(study)
-    grid = {d: list(dict.fromkeys(key[k] for key in cases)) for k, d in enumerate(CASE_DIMS)}
-    shape = tuple(len(v) for v in grid.values())
-    meshes: dict[str, dict[str, np.ndarray]] = {}
-    found: dict[tuple, dict[str, np.ndarray]] = {}
-    number, reason = np.full(shape, -1), np.full(shape, "", object)
-    symmetry, length = np.full(shape, "", object), np.full(shape, np.nan)
-    ids = dict(zip(every, sources or [case.case_id for case in every.values()], strict=False))
-    for key, case in cases.items():
-        case_id = ids[key]
-        index = tuple(grid[d].index(k) for d, k in zip(CASE_DIMS, key, strict=True))
-        symmetry[index], length[index] = case.mesh.symmetry, case.device.pattern.length
-        try:
-            stored = Case.from_dict(read_json(case_folder / case_id / "case.json")["case"])
-            where = mesh_folder / f"{stored.mesh_id}.vtu", case_folder / case_id
-            model, frames = open_case(stored, *where)
-            mesh_id, symmetry[index] = solved_on(stored, *where)[0].mesh_id, model.mesh.symmetry
-            if mesh_id not in meshes:
-                meshes[mesh_id] = mesh_values(model.mesh)
-            pressures = [study.pressure_of(entry, case.ventricular_pressure) for entry in entries.values()]
-            found[index] = _case_values(model, frames, pressures, items, case.actuation_pressure_max)
-            number[index] = list(meshes).index(mesh_id)
-        except (LimoError, KeyError, TypeError, ValueError) as error:
-            reason[index] = str(error)
-    numbers = [(k,) for k in range(len(meshes))]
-    data = {n: _stack(n, numbers, [*meshes.values()], (len(meshes),), v.dims) for n, v in VARIABLES.items() if v.of_mesh}
-    data |= {n: _stack(n, [*found], [*found.values()], shape, VARIABLES[n].dims, len(entries)) for n in _case_names(items)}
-    dims = tuple(grid)
-    variables = {
-        n: (((("mesh",) if VARIABLES[n].of_mesh else dims) + VARIABLES[n].dims), values, _attributes(n))
-        for n, values in data.items()
-    }
-    variables |= {
-        "mesh_number": (dims, number, {"long_name": "which mesh a case is on, -1 without shapes"}),
-        "symmetry": (dims, symmetry.astype(str), {"long_name": "full, front_back (mirror in z = 0) or quarter (and in x = 0)"}),
-        "device_length": (dims, length, {"units": "mm", "long_name": "length of the device, L"}),
-        "shape_reason": (dims, reason.astype(str), {"long_name": "why a case has no shapes"}),
-    }
-    coords = grid | {"frame": ("frame", list(entries), {"long_name": FRAME}), "mesh_id": ("mesh", list(meshes), MESH)}
-    coords |= {"axis": ["x", "y", "z"], "plane": ["x", "y"]}
-    if "lines" in items:
+    grid = study_grid(project, name)
+    ids = dict(zip(grid.cases, sources or [case.case_id for case in grid.cases.values()], strict=False))
+    shown = {point: case for point, case in grid.cases.items() if not point.branch}
+    arrays = GridArrays({**grid.axes, "branch": [0]})
+    arrays.add("mesh_number", -1, "which mesh a case is on, -1 without shapes")
+    arrays.add("symmetry", "", "full, front_back (mirror in z = 0) or quarter (and in x = 0)")
+    arrays.add("device_length", np.nan, "length of the device, L", "mm")
+    arrays.add("shape_reason", "", "why a case has no shapes")
+    gathered = _Shapes(grid.study, mesh_folder)
+    for member in members(shown, arrays.axes, case_folder, [ids[point] for point in shown]):
+        gathered.add(member, arrays)
+    coords = {"frame": ("frame", list(gathered.entries), {"long_name": FRAME})}
+    coords |= {"mesh_id": ("mesh", list(gathered.meshes), MESH), "axis": ["x", "y", "z"], "plane": ["x", "y"]}
+    if "lines" in gathered.items:
         coords["side"] = ("side", list(DEVICE_SIDES), SIDE)
-    attributes = {"title": f"{name}: surfaces that its figures draw", "study": name, "items": " ".join(items)}
-    dataset = xr.Dataset(
-        variables, coords=coords, attrs=attributes | {"config": json.dumps(loaded.content(name), sort_keys=True)}
-    )
-    return on_axes(describe_axes(dataset), study)
+    dataset = arrays.dataset(coords).assign(gathered.variables(arrays.shape))
+    named = {"title": f"{name}: surfaces that its figures draw", "study": name, "items": " ".join(gathered.items)}
+    dataset = dataset.assign_attrs(named | {"config": json.dumps(project.content(name), sort_keys=True)})
+    return on_axes(describe_axes(dataset), grid.study)
+
+
+class _Shapes:
+    """The shapes of cases that are gathered one by one: ``meshes`` by id, values of each case by its place."""
+
+    def __init__(self, study: Study, mesh_folder: Path):
+        self.study, self.mesh_folder = study, mesh_folder
+        self.items, self.entries = items_of(study.figures), frame_entries(study)
+        self.meshes: dict[str, dict[str, np.ndarray]] = {}
+        self.values: dict[tuple[int, ...], dict[str, np.ndarray]] = {}
+
+    def add(self, member: Member, arrays: GridArrays) -> None:
+        """Take in a case; one that cannot be used leaves a reason."""
+        index, case = member.index, member.case
+        arrays["symmetry"][index], arrays["device_length"][index] = case.mesh.symmetry, case.device.pattern.length
+        try:
+            stored = Case.from_dict(read_json(member.files.described)["case"])
+            where = self.mesh_folder / f"{stored.mesh_id}.vtu", member.files.folder
+            model, frames = open_case(stored, *where)
+            mesh_id, arrays["symmetry"][index] = solved_on(stored, *where)[0].mesh_id, model.mesh.symmetry
+            if mesh_id not in self.meshes:
+                self.meshes[mesh_id] = mesh_values(model.mesh)
+            pressures = [self.study.pressure_of(entry, case.ventricular_pressure) for entry in self.entries.values()]
+            self.values[index] = _case_values(model, frames, pressures, self.items, case.actuation_pressure_max)
+            arrays["mesh_number"][index] = list(self.meshes).index(mesh_id)
+        except (LimoError, KeyError, TypeError, ValueError) as error:
+            arrays["shape_reason"][index] = str(error)
+
+    def variables(self, shape: tuple[int, ...]) -> dict[str, tuple]:
+        """What is stored of meshes, and of cases over a grid of a ``shape``."""
+        count, frames = len(self.meshes), len(self.entries)
+        numbers = [(k,) for k in range(count)]
+        found = {}
+        for name, variable in VARIABLES.items():
+            if variable.of_mesh:
+                dims, array = ("mesh",), _stack(name, numbers, [*self.meshes.values()], (count,), variable.dims)
+            elif name in _case_names(self.items):
+                dims, array = CASE_DIMS, _stack(name, [*self.values], [*self.values.values()], shape, variable.dims, frames)
+            else:
+                continue
+            found[name] = ((*dims, *variable.dims), array, attributes(variable.long_name, variable.units))
+        return found
 
 
 def write_shapes(dataset: xr.Dataset, path: Path) -> None:
@@ -159,11 +174,6 @@ def write_shapes(dataset: xr.Dataset, path: Path) -> None:
         if values.size > 1000 and values.dtype.kind in "fiu":
             encoding[name] = encoding.get(name, {}) | {"zlib": True, "shuffle": True, "complevel": 9}
     write_netcdf(dataset, path, encoding, checked=False)
-
-
-def _attributes(name: str) -> dict[str, str]:
-    units = VARIABLES[name].units
-    return {"long_name": VARIABLES[name].long_name} | ({"units": units} if units else {})
 
 
 def _case_names(items: tuple[str, ...]) -> list[str]:
@@ -205,9 +215,28 @@ def _case_values(
     model: Model, frames: CaseFrames, pressures: list[float | None], items: tuple[str, ...], maximum: float
 ) -> dict[str, np.ndarray]:
     """Everything that is stored of one case; ``pressures`` (kPa) of its frames, None for one beyond its range."""
-    mesh, thickness = model.mesh, model.fabric.thickness
+    mesh, files = model.mesh, CaseFiles(frames.file.parent)
     _, node, _ = nodal(mesh, np.zeros((len(mesh.quads), 4)))
-    count = len(pressures)
+    values, last = _frame_values(model, frames, pressures, node, "von_mises" in items)
+    if last is None:
+        raise ResultError(f"{frames.file}: none of the frames that the figures draw")
+    if "fatigue" in items:
+        values["fatigue_amplitude"] = nodal(mesh, _amplitude(files.measures, len(mesh.quads)))[0]
+    if "lines" in items:
+        values |= _lines(model, last, frames.file)
+    if "event" in items:
+        values |= _event(model, frames, node, maximum)
+    return values
+
+
+def _frame_values(
+    model: Model, frames: CaseFrames, pressures: list[float | None], node: np.ndarray, stressed: bool
+) -> tuple[dict[str, np.ndarray], np.ndarray | None]:
+    """What is stored of the frames at some pressures (kPa), and displacements (n, 3) in mm of the one at the highest of them.
+
+    ``node``: node of the mesh of each stored point; ``stressed``: with von Mises stresses.
+    """
+    mesh, thickness, count = model.mesh, model.fabric.thickness, len(pressures)
     values = {
         "frame_requested": np.array([np.nan if p is None else p for p in pressures]),
         "frame_pressure": np.full(count, np.nan),
@@ -217,33 +246,25 @@ def _case_values(
     }
     last = None
     for k, pressure in enumerate(pressures):
-        at = None if pressure is None else frames.find(pressure)
-        if at is None:
+        frame = None if pressure is None else frames.find(pressure)
+        if frame is None:
             continue
-        u = frames.displacement[at].astype(float)
+        u = frames.displacement[frame].astype(float)
         middle = model.expansion.midsurface(u)
-        values["frame_pressure"][k] = frames.pressure[at]
+        values["frame_pressure"][k] = frames.pressure[frame]
         values["frame_contact"][k] = len(front_through_back(mesh, mesh.nodes + middle, thickness)) > 0
         values["displacement"][k] = middle[node]
-        if "von_mises" in items:
+        if stressed:
             values["von_mises"][k] = nodal(mesh, von_mises_map(model, u, frames.file).max(axis=1))[0]
-        last = u if last is None or pressure >= np.nanmax(values["frame_pressure"][: k + 1]) - 1e-6 else last
-    if last is None:
-        raise ResultError(f"{frames.file}: none of the frames that the figures draw")
-    if "fatigue" in items:
-        values["fatigue_amplitude"] = nodal(mesh, _amplitude(frames.file.with_name("measures.nc"), len(mesh.quads)))[0]
-    if "lines" in items:
-        values |= _lines(model, last, frames.file)
-    if "event" in items:
-        values |= _event(model, frames, node, maximum)
-    return values
+        last = u if last is None or reaches(pressure, np.nanmax(values["frame_pressure"][: k + 1])) else last
+    return values, last
 
 
 def _amplitude(file: Path, count: int) -> np.ndarray:
     """Strain amplitudes (m, 4) of a measured case."""
     try:
         with xr.open_dataset(file) as measured:
-            if measured.attrs.get("status") == "failed":
+            if measured.attrs.get("status") == NOT_MEASURED:
                 raise ResultError(measured.attrs.get("reason", f"{file}: not measured"))
             amplitude = measured.fatigue_amplitude.values
     except (OSError, AttributeError) as error:
@@ -283,10 +304,9 @@ def _event(model: Model, frames: CaseFrames, node: np.ndarray, maximum: float) -
     ramp = read_ramp(frames.file.parent)
     volume = ramp.ventricle_volume.values
     jumps = events(ramp.actuation_pressure.values, volume[:1] - volume)
-    for event in sorted((e for e in jumps if e.after <= maximum + 1e-6), key=lambda e: -abs(e.jump)):
-        stored = np.flatnonzero(np.isclose(frames.event_pressure, (event.before, event.after), atol=1e-6).all(axis=1))
-        if len(stored):
-            both = model.expansion.midsurface(frames.event_displacement[stored[0]].astype(float))
+    for event in sorted((e for e in jumps if reaches(maximum, e.after)), key=lambda e: -abs(e.jump)):
+        if (stored := frames.find_event(event)) is not None:
+            both = model.expansion.midsurface(frames.event_displacement[stored].astype(float))
             values["event_pressure"], values["event_jump"] = np.array([event.before, event.after]), np.array(event.jump)
             values["event_displacement"] = both[:, node]
             break

@@ -6,15 +6,18 @@ from dataclasses import dataclass
 
 import xarray as xr
 
+from limo.cases.grid import GridPoint
 from limo.schema.study import Study
+from limo.store.statuses import ENDED, MISSING
 
 PAPER = "Lauber, Arfaee, Peirlinck: The mechanics of the Less In More Out artificial heart"
 
 
-STATUSES = ("converged", "degraded", "diverged", "timed_out", "crashed", "missing")
+#: how the cases of a study may have ended
+STATUSES = (*ENDED, MISSING)
 
 
-CASE_DIMS = ("n_pouches", "ventricular_pressure", "aspect_ratio", "stiffness_ratio", "width_scale", "variant", "branch")
+CASE_DIMS = GridPoint._fields
 
 
 CURVE_DIMS = (*CASE_DIMS, "actuation_pressure")

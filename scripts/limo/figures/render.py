@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import os
 from dataclasses import dataclass, field, replace
 from functools import cache
@@ -11,21 +10,8 @@ import matplotlib
 import numpy as np
 
 from limo.errors import LimoError
+from limo.figures.renderer import renderer_lacks
 from limo.mesh.surface import Facets
-
-#: what a window without a display needs of the system, as Debian and Ubuntu call it
-RENDERER_PACKAGES = "libegl1 libgl1-mesa-dri"
-
-
-def renderer_lacks() -> str:
-    """Why the figures in ``SHAPES`` cannot be drawn on this machine and what to install, or nothing."""
-    if os.environ.get("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow") == "vtkEGLRenderWindow":
-        try:
-            ctypes.CDLL("libEGL.so.1")
-        except OSError as error:
-            return f"surfaces cannot be rendered ({error}): install the system's packages {RENDERER_PACKAGES}"
-    return ""
-
 
 BORDER, PLAIN, UNKNOWN, LINE_WIDTH = "#202020", "#d5dbe0", "#c4c4c4", 2.4
 NEARER = 0.6  # mm by which lines are drawn nearer than the surface they lie on, so that it does not swallow them

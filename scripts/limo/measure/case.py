@@ -34,6 +34,8 @@ from limo.mechanics.model import Model
 from limo.mesh.layers import DeviceMesh
 from limo.schema.fatigue import Fatigue
 from limo.store.files import write_netcdf
+from limo.store.results import CaseFiles
+from limo.store.statuses import MEASURED, NOT_MEASURED
 
 log = logging.getLogger(__name__)
 
@@ -45,15 +47,15 @@ def measure_case(case: Case, wanted: Wanted, fatigue: Fatigue, mesh_file: Path, 
     """
     try:
         model, frames = open_case(case, mesh_file, folder)
-        measured = _measure(model, frames, wanted, fatigue, folder).assign_attrs(status="measured", reason="")
+        measured = _measure(model, frames, wanted, fatigue, folder).assign_attrs(status=MEASURED, reason="")
     except LimoError as error:
         log.error("%s", error)
-        measured = xr.Dataset(attrs={"status": "failed", "reason": str(error)})
+        measured = xr.Dataset(attrs={"status": NOT_MEASURED, "reason": str(error)})
     measured.attrs |= {"case": case.case_id, "wanted": json.dumps(wanted.to_dict(), sort_keys=True)}
     if "fatigue" in wanted.outputs:
         measured.attrs["fatigue"] = fatigue.model_dump_json()
     packed = {n: {"zlib": True} for n, v in measured.variables.items() if v.dtype.kind == "f" and v.size > 1000}
-    write_netcdf(measured, folder / "measures.nc", packed, checked=False)
+    write_netcdf(measured, CaseFiles(folder).measures, packed, checked=False)
     return measured
 
 
@@ -143,7 +145,7 @@ def _measure_frame(
     if pressure in wanted.pressures.get("strain", ()):
         _strain(values, k, mesh, strain, places.near_seam)
         if is_drawn and "strain" in wanted.drawn:
-            maps["principal_strain"][pressure], maps["strain_angle"][pressure] = _strain_maps(strain)
+            maps["principal_strain"][pressure], maps["strain_angle"][pressure] = principal(strain)[0], inplane_angle(strain)
     return membrane_principal(strain[:, 1]) if pressure in wanted.pressures.get("fatigue", ()) else None
 
 
@@ -176,10 +178,6 @@ def _strain(values: dict, k: int, mesh, strain: np.ndarray, near_seam: np.ndarra
     values["direction_around"][k] = [alignment.around[s] for s in DEVICE_SIDES]
     values["direction_angle"][k] = [alignment.angle[s] for s in DEVICE_SIDES]
     values["direction_between"][k], values["direction_between_at_seams"][k] = alignment.between, alignment.between_at_seams
-
-
-def _strain_maps(strain: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    return principal(strain)[0], inplane_angle(strain)
 
 
 def _fatigue(values: dict, mesh, amplitude: np.ndarray, near_seam: np.ndarray, fatigue: Fatigue) -> dict:
@@ -224,9 +222,8 @@ def _buckling(values: dict, model: Model, frames: CaseFrames, folder: Path) -> d
             event.after,
             event.jump,
         )
-        stored = np.flatnonzero(np.isclose(frames.event_pressure, (event.before, event.after), atol=1e-6).all(axis=1))
-        if len(stored):
-            before, after = model.expansion.midsurface(frames.event_displacement[stored[0]].astype(float))
+        if (stored := frames.find_event(event)) is not None:
+            before, after = model.expansion.midsurface(frames.event_displacement[stored].astype(float))
             differences[k] = displacement_difference(before, after, model.length)
             values["buckling_displacement"][k] = differences[k].max()
     if not differences:

@@ -10,10 +10,13 @@ import xarray as xr
 
 from limo.cases.case import Case, solved_on
 from limo.errors import ResultError
+from limo.measure.buckling import Event
 from limo.mechanics.build import build_model
 from limo.mechanics.model import Model
 from limo.mesh.file import read_mesh
+from limo.schema.pressures import same_pressure
 from limo.store.files import UNREADABLE
+from limo.store.results import CaseFiles
 
 # --------------------------------------------------------------------------------------------------------------------
 # one case
@@ -39,8 +42,17 @@ class CaseFrames:
 
     def find(self, requested: float) -> int | None:
         """Index of the frame kept for a pressure (kPa); None when the case did not get there."""
-        hits = np.flatnonzero(np.isclose(self.requested, requested, atol=1e-6))
-        return int(hits[0]) if len(hits) else None
+        return _first(same_pressure(self.requested, requested))
+
+    def find_event(self, event: Event) -> int | None:
+        """Index of a buckling event among those whose displacements are kept; None for another one."""
+        return _first(same_pressure(self.event_pressure, np.array([event.before, event.after])).all(axis=1))
+
+
+def _first(chosen: np.ndarray) -> int | None:
+    """Index of the first that is chosen (n,); None where none is."""
+    hits = np.flatnonzero(chosen)
+    return int(hits[0]) if len(hits) else None
 
 
 def read_frames(file: Path, n_nodes: int) -> CaseFrames:
@@ -70,7 +82,7 @@ def read_frames(file: Path, n_nodes: int) -> CaseFrames:
 def open_case(case: Case, mesh_file: Path, folder: Path) -> tuple[Model, CaseFrames]:
     """Model and frames of a solved case. Raises ``ResultError`` where one cannot be used."""
     case, mesh_file = solved_on(case, mesh_file, folder)
-    model = build_model(case, read_mesh(mesh_file, case.mesh.symmetry))
+    model, file = build_model(case, read_mesh(mesh_file, case.mesh.symmetry)), CaseFiles(folder).frames
     if model.element.is_shell:
-        raise ResultError(f"{folder / 'frames.nc'}: element {model.element.name} keeps no displacements through the thickness")
-    return model, read_frames(folder / "frames.nc", len(model.expansion.nodes))
+        raise ResultError(f"{file}: element {model.element.name} keeps no displacements through the thickness")
+    return model, read_frames(file, len(model.expansion.nodes))

@@ -10,6 +10,7 @@ import xarray as xr
 from limo.errors import ResultError
 from limo.schema.section import STAGES
 from limo.store.files import UNREADABLE
+from limo.store.results import CaseFiles
 
 
 def ramp_of(history: xr.Dataset) -> xr.Dataset:
@@ -23,7 +24,7 @@ def ramp_of(history: xr.Dataset) -> xr.Dataset:
 
 def read_ramp(folder: Path) -> xr.Dataset:
     """The ramp in a case's ``volumes.nc``. Raises ``ResultError`` for a file that is missing, damaged or of something else."""
-    file = folder / "volumes.nc"
+    file = CaseFiles(folder).volumes
     try:
         with xr.open_dataset(file) as history:
             return ramp_of(history.load())

@@ -29,6 +29,7 @@ from limo.mesh.surface import Surface, borders, divided, grid
 from limo.page.packing import pack, pack_steps
 from limo.schema.fatigue import Fatigue
 from limo.store.files import read_json
+from limo.store.results import CaseFiles, Results
 
 MOST_PRESSURES = 20  # of a case
 _FEWER = (MOST_PRESSURES, 15, 12, 10, 8, 6, 5, 4, 3, 2)  # what is tried until a page is small enough
@@ -85,10 +86,11 @@ class Devices:
         """Take a case in; one whose files cannot be used leaves a reason instead."""
         if case_id in self.cases or case_id in self.reasons:
             return
-        folder = self.results / "cases" / case_id
+        results = Results(self.results)
+        files = results.case(case_id)
         try:
-            case = Case.from_dict(read_json(folder / "case.json")["case"])
-            model, frames = open_case(case, self.results / "meshes" / f"{case.mesh_id}.vtu", folder)
+            case = Case.from_dict(read_json(files.described)["case"])
+            model, frames = open_case(case, results.mesh(case.mesh_id), files.folder)
             self.cases[case_id] = _case(model, frames) | {"mesh": case.mesh_id}
             self.meshes.setdefault(case.mesh_id, _mesh(model.mesh, case))
         except (LimoError, AttributeError, KeyError, TypeError, ValueError) as error:
@@ -163,7 +165,7 @@ def _mesh(mesh: DeviceMesh, case: Case) -> dict[str, Any]:
 
 def _case(model: Model, frames: CaseFrames) -> dict[str, Any]:
     """A case at up to ``MOST_PRESSURES`` of its stored states."""
-    mesh, measured = model.mesh, _measured(frames.file.with_name("measures.nc"))
+    mesh, measured = model.mesh, _measured(CaseFiles(frames.file.parent).measures)
     wanted = json.loads(measured.attrs.get("wanted", "{}")).get("pressures", {})
     every = _stops(frames)
     stops = [every[k] for k in spread(len(every), MOST_PRESSURES)]

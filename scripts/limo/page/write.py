@@ -29,6 +29,7 @@ from limo.page.devices import Devices
 from limo.page.packing import pack_bytes
 from limo.schema.study import Study
 from limo.store.files import read_json, write_whole
+from limo.store.results import Results
 
 CAPTIONS = FOLDER.parents[2] / "workflow" / "report"
 _QUALITY = 85  # of pictures, in percent
@@ -140,18 +141,18 @@ def _fill(part: StudyPart, results: Path, study: Study, dataset: xr.Dataset, dev
     part.statuses = sorted(Counter(case.status for case in part.cases).items())
     builds = dict.fromkeys(_HASH.sub(r"\1", b) for b in np.unique(dataset.solver_build.values.astype(str)) if b)
     part.solved_by = ", ".join([*sorted(e for e in engines if e), *builds])
-    folder = dataset_of(results, part.name).parent
-    part.links = _links(results, [folder / f for f in ("study.csv", "study.nc", "shapes.nc")])
+    files = Results(results).study(part.name)
+    part.links = _links(results, [files.table, files.dataset, files.shapes])
     for name in study.figures:
         try:
-            part.figures.append(_figure(results, folder / "figures" / f"{name}.png"))
+            part.figures.append(_figure(results, files.figure(name, "png")))
         except OSError:
             part.absent_figures.append(name)
 
 
 def _engine(results: Path, case_id: str) -> str:
     try:
-        return str(read_json(results / "cases" / case_id / "case.json")["case"]["engine"])
+        return str(read_json(Results(results).case(case_id).described)["case"]["engine"])
     except (ResultError, KeyError, TypeError):
         return ""
 
@@ -193,10 +194,9 @@ def _links(results: Path, files: Iterable[Path]) -> list[tuple[str, str]]:
 
 
 def _case_links(results: Path, case_id: str) -> list[tuple[str, str]]:
-    folder = results / "cases" / case_id
-    files = [folder / n for n in ("status.json", "volumes.nc", "frames.nc", "measures.nc", "fields")]
-    fields = [file for kind in ("deformed", "reference") for file in sorted((folder / "fields").glob(f"{kind}*"))]
-    return _links(results, [*files, *fields])
+    case = Results(results).case(case_id)
+    fields = [file for kind in ("deformed", "reference") for file in sorted(case.fields.glob(f"{kind}*"))]
+    return _links(results, [case.status, case.volumes, case.frames, case.measures, case.fields, *fields])
 
 
 def _figure(results: Path, png: Path) -> Figure:

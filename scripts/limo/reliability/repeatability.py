@@ -15,7 +15,7 @@ import xarray as xr
 from scipy.spatial.transform import Rotation
 
 from limo.cases.case import Case
-from limo.config.project import Loaded
+from limo.config.project import Project
 from limo.engines.engine import Build, EngineSettings
 from limo.engines.find import find_engine
 from limo.measure.ramp import ramp_of
@@ -41,7 +41,7 @@ TIMES, SHORT = 3, 60.0
 Row = dict[str, object]
 
 
-def reference_case(loaded: Loaded, engine: str, maximum: float) -> Case:
+def reference_case(loaded: Project, engine: str, maximum: float) -> Case:
     """The case that is repeated: the shipped device, N_p = 8, P_v = 3.8 kPa, on the coarsest mesh, up to a P_a (kPa)."""
     config = loaded.config
     return Case(
@@ -60,7 +60,7 @@ def reference_case(loaded: Loaded, engine: str, maximum: float) -> Case:
     )
 
 
-def measure(loaded: Loaded, engine: str, kinds: tuple[str, ...] = KINDS, maximum: float = 60.0) -> Iterator[list[Row]]:
+def measure(loaded: Project, engine: str, kinds: tuple[str, ...] = KINDS, maximum: float = 60.0) -> Iterator[list[Row]]:
     """The curves of all runs of some kinds, one after the other as they are solved; each is a list of rows."""
     case = reference_case(loaded, engine, maximum)
     mesh, found = mesh_device(case.mesh_content()), find_engine(engine)

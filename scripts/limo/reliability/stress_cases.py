@@ -10,10 +10,9 @@ from dataclasses import replace
 from itertools import product
 
 import numpy as np
-from scipy.stats import qmc
 
 from limo.cases.case import Case
-from limo.config.project import Loaded
+from limo.config.project import Project
 from limo.schema.device import Device
 from limo.schema.reliability import BOX_AXES, Box
 
@@ -33,6 +32,8 @@ def corners() -> np.ndarray:
 
 def sample(box: Box, seed: int) -> list[dict[str, float]]:
     """The points of a box as values by axis: a Latin hypercube, and behind it the corners where it asks for them."""
+    from scipy.stats import qmc  # takes longer to import than all the rest of planning
+
     unit = qmc.LatinHypercube(len(BOX_AXES), seed=seed).random(box.samples)
     return [_values(box, point) for point in (np.vstack([unit, corners()]) if box.corners else unit)]
 
@@ -62,7 +63,7 @@ def varied(device: Device, thickness: float, modulus_factor: float, width_scale:
     return Device(pattern=device.pattern.model_copy(update={"width_scale": width_scale}), material=material)
 
 
-def stress_cases(loaded: Loaded) -> dict[tuple[str, int, str], Case]:
+def stress_cases(loaded: Project) -> dict[tuple[str, int, str], Case]:
     """The cases of the configuration's stress test by box, number in it, and engine; none where there is no such test."""
     test = loaded.config.stress_test
     if test is None:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from limo.cases.case import Case
-from limo.config.project import Loaded
+from limo.config.project import Project
 from limo.engines.newton.assembly import Assembly
 from limo.errors import ResultError
 from limo.measure.frames import open_case
@@ -18,6 +18,8 @@ from limo.mechanics.equilibrium import mass_forces, rounding_noise, through_thic
 from limo.mechanics.model import Model
 from limo.reliability.stress_cases import stress_cases
 from limo.store.files import read_json, write_whole
+from limo.store.results import Results
+from limo.store.statuses import MISSING, SolveStatus
 
 SMALLEST_FORCE = 1e-9  # N, for devices at which nothing pulls
 CHECKS = (
@@ -36,23 +38,23 @@ def gather_stress_test(cases: Iterable[tuple[str, int, str, str]], results: Path
     """One row a case, (box, number, engine, case id), in the order of ``COLUMNS``; a case that cannot be read says why."""
     rows = []
     for box, number, engine, case_id in cases:
-        folder = results / "cases" / case_id
+        files = Results(results).case(case_id)
         row = {"box": box, "number": number, "engine": engine, "case_id": case_id}
         try:
-            case = Case.from_dict(read_json(folder / "case.json")["case"])
-            status = read_json(folder / "status.json")
-            row |= _what_it_is(case) | _what_came_out(status)
-            row["forces_residual"] = forces_residual(case, results / "meshes" / f"{case.mesh_id}.vtu", folder)
-        except (ResultError, KeyError, TypeError, ValueError) as error:
-            row = {"status": "missing"} | row | {"reason": row.get("reason") or str(error)}
+            case = Case.from_dict(read_json(files.described)["case"])
+            row |= _what_it_is(case) | _what_came_out(SolveStatus.from_json(read_json(files.status), files.status))
+            row["forces_residual"] = forces_residual(case, Results(results).mesh(case.mesh_id), files.folder)
+        except (ResultError, IndexError, KeyError, TypeError, ValueError) as error:
+            row = {"status": MISSING} | row | {"reason": row.get("reason") or str(error)}
         rows.append({name: _short(row.get(name)) for name in COLUMNS})
     return rows
 
 
-def record_stress_test(loaded: Loaded, results: Path, file: Path) -> str:
+def record_stress_test(loaded: Project, results: Path, file: Path) -> str:
     """Write a row for each case of the stress test that is solved; says how many that are."""
+    loaded.require_sound("stress_test")
     cases = [(*key, case.case_id) for key, case in stress_cases(loaded).items()]
-    done = [c for c in cases if (results / "cases" / c[3] / "status.json").exists()]
+    done = [c for c in cases if Results(results).case(c[3]).status.exists()]
     write_rows(gather_stress_test(done, results), file)
     return f"{file}: {len(done)} of {len(cases)} cases"
 
@@ -67,14 +69,14 @@ def _what_it_is(case: Case) -> dict[str, Any]:
     }
 
 
-def _what_came_out(status: Mapping[str, Any]) -> dict[str, Any]:
-    attempts = status["attempts"]
+def _what_came_out(status: SolveStatus) -> dict[str, Any]:
     names = ("status", "reason", "actuation_pressure_reached", "iterations", "solver_cpu_seconds", "dissipated_fraction")
-    last = next((a for a in attempts if a["status"] == status["status"]), attempts[-1])
+    attempts = status.attempts
+    last = next((a for a in attempts if a.status == status.status), attempts[-1])
     return (
-        {n: status.get(n) for n in names}
-        | {n: status["checks"].get(n) for n in CHECKS}
-        | {"attempts": len(attempts), "first_status": attempts[0]["status"], "rung": last["rung"]}
+        {n: getattr(status, n) for n in names}
+        | {n: status.checks.get(n) for n in CHECKS}
+        | {"attempts": len(attempts), "first_status": status.first_status, "rung": last.rung}
     )
 
 

@@ -22,9 +22,9 @@ import xarray as xr
 
 from limo.cases.cost import duration
 from limo.cases.plan import Plan, make_plan
-from limo.config.builds import find_engines
+from limo.config.builds import with_found_builds
 from limo.config.load import load_config
-from limo.config.project import Loaded
+from limo.config.project import Project
 from limo.datasets.curves import absent, at_end, completed
 from limo.datasets.shapes import gather_shapes
 from limo.datasets.study import gather_study
@@ -34,6 +34,7 @@ from limo.figures.measured import read_measured
 from limo.reports.markdown import markdown_table
 from limo.schema.figures import SHAPES
 from limo.store.files import write_netcdf, write_whole
+from limo.store.results import Results
 from limo.store.statuses import USABLE
 
 #: bytes that the data of all studies, those of sets included, may take together
@@ -46,7 +47,7 @@ SQUEEZED = {"dtype": "float32", "zlib": True, "shuffle": True, "complevel": 9}
 _EXAMPLE = "limo gallery afterload"
 
 
-def keep(loaded: Loaded, studies: Iterable[str], results: Path, gallery: Path, part: str = "") -> list[Path]:
+def keep(loaded: Project, studies: Iterable[str], results: Path, gallery: Path, part: str = "") -> list[Path]:
     """Take the datasets of studies (none: all that are gathered, and the tensile test) from ``results``; returns what is kept.
 
     ``part``: the set that they are kept as, without their shapes, from the cases that are solved (no studies: those of the
@@ -69,28 +70,28 @@ def keep(loaded: Loaded, studies: Iterable[str], results: Path, gallery: Path, p
     return list(packed)
 
 
-def _packed_all(loaded: Loaded, named: list[str], results: Path, data: Path, aside: Path) -> dict[Path, Path]:
+def _packed_all(loaded: Project, named: list[str], results: Path, data: Path, aside: Path) -> dict[Path, Path]:
     """What the gallery itself is to hold of gathered studies, by where it is to stand; what is not packed yet is in ``aside``."""
     packed: dict[Path, Path] = {}
     for name in named or loaded.studies:
-        folder = results / "studies" / name
-        if name in named and not (folder / "study.nc").exists():
-            raise LimoError(f"{folder / 'study.nc'}: not gathered yet; snakemake --cores 2 {name} does that")
-        if (folder / "study.nc").exists():
-            packed[data / f"{name}.nc"] = _pack(_read(folder / "study.nc"), aside / f"{name}.nc")
-        if (folder / "shapes.nc").exists():
-            packed[data / f"{name}_shapes.nc"] = folder / "shapes.nc"
+        files = Results(results).study(name)
+        if name in named and not files.dataset.exists():
+            raise LimoError(f"{files.dataset}: not gathered yet; snakemake --cores 2 {name} does that")
+        if files.dataset.exists():
+            packed[data / f"{name}.nc"] = _pack(_read(files.dataset), aside / f"{name}.nc")
+        if files.shapes.exists():
+            packed[data / f"{name}_shapes.nc"] = files.shapes
     if not named and (results / MATERIAL).exists():
         packed[data / MATERIAL_KEPT] = results / MATERIAL
     return packed
 
 
-def _packed_set(loaded: Loaded, named: list[str], results: Path, data: Path, aside: Path) -> dict[Path, Path]:
+def _packed_set(loaded: Project, named: list[str], results: Path, data: Path, aside: Path) -> dict[Path, Path]:
     """The same of a set: the cases that are solved, and of the others those that it holds."""
     packed: dict[Path, Path] = {}
     plan = make_plan(loaded, results)
     for name in named or loaded.config.studies:
-        if not any((results / "cases" / case_id / "status.json").exists() for case_id in plan.served[name].values()):
+        if not any(Results(results).case(case_id).status.exists() for case_id in plan.sources(name)):
             if name in named:
                 raise LimoError(f"{results}: no case of {name} is solved; snakemake --cores 2 {name} does that")
             continue
@@ -99,9 +100,9 @@ def _packed_set(loaded: Loaded, named: list[str], results: Path, data: Path, asi
     return packed
 
 
-def _grown(loaded: Loaded, name: str, plan: Plan, results: Path, kept: Path) -> xr.Dataset:
+def _grown(loaded: Project, name: str, plan: Plan, results: Path, kept: Path) -> xr.Dataset:
     """A study's dataset of the cases that are solved, and of those that are ``kept``. Raises ``LimoError``."""
-    dataset = gather_study(loaded, name, results / "cases", [*plan.served[name].values()])
+    dataset = gather_study(loaded, name, Results(results).cases, plan.sources(name))
     if not kept.exists():
         return dataset
     try:
@@ -117,7 +118,7 @@ def _pack(dataset: xr.Dataset, target: Path) -> Path:
     return target
 
 
-def draw(loaded: Loaded, studies: Iterable[str], gallery: Path, results: Path | None = None) -> list[Path]:
+def draw(loaded: Project, studies: Iterable[str], gallery: Path, results: Path | None = None) -> list[Path]:
     """Draw the figures of studies (none: all that the gallery holds) from its data, and its page; returns the files.
 
     Shapes that it does not hold are those of the cases in ``results``; a picture that is there stays as it is where these are
@@ -149,16 +150,15 @@ def draw(loaded: Loaded, studies: Iterable[str], gallery: Path, results: Path | 
     return [*files, page]
 
 
-def _shapes(loaded: Loaded, name: str, gallery: Path, results: Path | None) -> xr.Dataset | None:
+def _shapes(loaded: Project, name: str, gallery: Path, results: Path | None) -> xr.Dataset | None:
     """The shapes of a study, from the gallery or else from ``results``; None where neither has any."""
     kept = gallery / "data" / f"{name}_shapes.nc"
     if kept.exists():
         return _read(kept)
     if results is None:
         return None
-    shapes = gather_shapes(
-        loaded, name, results / "cases", results / "meshes", [*make_plan(loaded, results).served[name].values()]
-    )
+    folder = Results(results)
+    shapes = gather_shapes(loaded, name, folder.cases, folder.meshes, make_plan(loaded, results).serving(name))
     return shapes if (shapes.mesh_number >= 0).any() else None
 
 
@@ -179,7 +179,7 @@ def make_gallery(
     if redraw:
         return draw(loaded, studies, gallery / part)
     if part:
-        find_engines(loaded, config_file, studies)  # their builds are in the names of cases
+        loaded, _ = with_found_builds(loaded, config_file)  # they are in the names of cases
     return [*keep(loaded, studies, results, gallery, part), *draw(loaded, studies, gallery / part, results)]
 
 
@@ -191,26 +191,26 @@ def lacking_of_set(config_file: str, studies: list[str], results: Path, gallery:
     if not part:
         raise LimoError(f"--lacking: of which set? for example limo gallery --set standard --lacking --config {config_file}")
     loaded = _loaded(config_file, studies, part)
-    find_engines(loaded, config_file, studies)
+    loaded, _ = with_found_builds(loaded, config_file)
     plan, wanted = make_plan(loaded, results), {}
     for name in studies or loaded.config.studies:
         dataset = _grown(loaded, name, plan, results, gallery / part / "data" / f"{name}.nc")
         for case_id in dataset.case_id.values[absent(dataset).values].ravel():
-            file = "measures.nc" if case_id in plan.wanted else "status.json"
-            wanted[str(results / "cases" / case_id / file)] = None
+            files = Results(results).case(case_id)
+            wanted[str(files.measures if case_id in plan.wanted else files.status)] = None
     return list(wanted)
 
 
-def _loaded(config_file: str, studies: list[str], part: str) -> Loaded:
+def _loaded(config_file: str, studies: list[str], part: str) -> Project:
     """The configuration, which knows the studies that are named, for a set whose name is a plain word."""
     if part and (not part.isidentifier() or part == "data"):
         raise LimoError(f"--set {part}: a word of letters, digits and _ is wanted, and not data; for example --set standard")
-    loaded = load_config(config_file)
+    loaded = load_config(config_file, strict=True)  # the page is about all studies
     loaded.require(studies, config_file, _EXAMPLE)
     return loaded
 
 
-def _kept(loaded: Loaded, gallery: Path) -> list[str]:
+def _kept(loaded: Project, gallery: Path) -> list[str]:
     return [name for name in loaded.studies if (gallery / "data" / f"{name}.nc").exists()]
 
 
@@ -221,7 +221,7 @@ def _read(file: Path) -> xr.Dataset:
         raise LimoError(f"{file}: not a dataset of the gallery ({error}); {_EXAMPLE} makes it") from None
 
 
-def page_of(loaded: Loaded, gallery: Path) -> str:
+def page_of(loaded: Project, gallery: Path) -> str:
     """The page of a gallery or of a set of it, from its data."""
     names = _kept(loaded, gallery)
     rows, sections, distinct = [], [], {}

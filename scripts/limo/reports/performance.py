@@ -16,11 +16,10 @@ import xarray as xr
 
 from limo.cases.case import Case
 from limo.cases.cost import schedule
-from limo.cases.grid import study_axes, study_cases
+from limo.cases.grid import study_cases
 from limo.cases.plan import Plan, make_plan
-from limo.config.builds import find_engines
-from limo.config.load import load_config
-from limo.config.project import Loaded
+from limo.config.builds import open_project
+from limo.config.project import Project
 from limo.engines.find import find_engine
 from limo.errors import LimoError
 from limo.measure.ramp import ramp_of
@@ -29,29 +28,29 @@ from limo.reports.overhead import NOTHING, PLANNING
 from limo.schema.section import ENGINES
 from limo.store.files import read_json, write_whole
 from limo.store.machine import processor
+from limo.store.results import CaseFiles, Results
 
 #: columns that name a run; a new measurement of the same run takes the place of the old one
 KEYS = ["batch", "study", "n_pouches", "ventricular_pressure", "aspect_ratio", "stiffness_ratio", "variant", "branch"]
 
 
-def measurements(loaded: Loaded, plan: Plan, batch: str, studies: list[str], results: Path = Path("results")) -> pd.DataFrame:
+def measurements(loaded: Project, plan: Plan, batch: str, studies: list[str], results: Path = Path("results")) -> pd.DataFrame:
     """One row a case of the studies that is on disk; cases that are not are left out."""
     rows = []
     for name in studies:
         study = loaded.studies[name]
-        for key, case in study_cases(loaded, name).items():
-            folder = results / "cases" / plan.served[name][key]
-            variant = dict(zip(study_axes(loaded, name), key, strict=True))["variant"]
-            if (folder / "status.json").exists():
+        for point, case in study_cases(loaded, name).items():
+            files, variant = Results(results).case(plan.served[name][point]), point.variant
+            if files.status.exists():
                 what = study.variants[variant].description if variant else study.description
-                rows.append({"batch": batch, "study": name, "variant": variant or "-", "change": what} | _row(case, folder))
+                rows.append({"batch": batch, "study": name, "variant": variant or "-", "change": what} | _row(case, files))
     return pd.DataFrame(rows)
 
 
-def _row(case: Case, folder: Path) -> dict:
-    status = read_json(folder / "status.json")
+def _row(case: Case, files: CaseFiles) -> dict:
+    status = read_json(files.status)
     build = status["solver"]
-    with xr.open_dataset(folder / "volumes.nc") as history:
+    with xr.open_dataset(files.volumes) as history:
         history = history.load()
     ramp = ramp_of(history)
     volume = ramp.ventricle_volume.values
@@ -105,9 +104,7 @@ def record(rows: pd.DataFrame, file: Path) -> None:
 
 def record_batch(config_file: str, batch: str, studies: list[str], results: Path, file: Path) -> str:
     """Put the costs of the solved cases of studies (none: those that the configuration runs) into the table; says what it did."""
-    loaded = load_config(config_file)
-    loaded.require(studies, config_file, "limo performance record levers levers --config config/levers/config.yaml")
-    find_engines(loaded, config_file, studies)
+    loaded = open_project(config_file, studies, "limo performance record levers levers --config config/levers/config.yaml")
     rows = measurements(loaded, make_plan(loaded, results), batch, studies or loaded.config.studies, results)
     if rows.empty:
         raise LimoError(f"{results}: none of the cases is solved; run the studies first")

@@ -5,10 +5,11 @@ from __future__ import annotations
 import re
 from typing import Annotated, Any, Literal, get_args
 
-from pydantic import Field, field_validator
+from pydantic import Field, field_validator, model_validator
 
 from limo.schema.figures import SHAPES
 from limo.schema.numerics import Mesh
+from limo.schema.pressures import DECIMALS
 from limo.schema.section import NAME, Engine, Section
 
 Pouches = Annotated[int, Field(ge=2, le=16, multiple_of=2)]
@@ -66,6 +67,13 @@ Output = Literal["volumes", "contact", "stress", "strain", "fatigue", "fields"]
 
 
 OUTPUTS = get_args(Output)
+
+
+Role = Literal["accuracy", "reference", "referee", "scatter", "shells"]
+
+
+#: what a study may be for when errors are measured (``accuracy.roles``)
+ROLES = get_args(Role)
 
 
 class Study(Section):
@@ -144,6 +152,15 @@ class Study(Section):
         description="CSV of measured curves to lay over the figure, a path from the project's root",
         examples=["config/measured/arfaee2025.csv"],
     )
+    role: Role | None = Field(
+        None,
+        description="what the study is for when errors are measured: reference, an ensemble on the finest mesh; accuracy, one "
+        "setting at a time; scatter, an ensemble on another mesh; referee, CalculiX on a fine mesh; shells, of volumes alone",
+        examples=["reference"],
+    )
+    subject: str | None = Field(
+        None, pattern=NAME, description="what its errors are of; studies of one subject belong together", examples=["np4"]
+    )
 
     @field_validator("frames", "fields_at")
     @classmethod
@@ -154,6 +171,12 @@ class Study(Section):
             if not isinstance(frame, str) and frame < 0:
                 raise ValueError(f"no negative pressure, not {frame}")
         return frames
+
+    @model_validator(mode="after")
+    def _role_of_a_subject(self) -> Study:
+        if (self.role is None) != (self.subject is None):
+            raise ValueError("role and subject together, or neither; such as role: reference and subject: np4")
+        return self
 
     def maximum_for(self, ventricular_pressure: float) -> float:
         """P_a,max (kPa) of the cases at a P_v (kPa). Raises ``KeyError`` where none is given."""
@@ -184,7 +207,7 @@ class Study(Section):
             base, sign, offset = FRAME.match(frame).groups()
             value = ventricular_pressure if base == "P_v" else maximum
             value += float(f"{sign or '+'}{offset or 0}")
-        return round(value, 6) if 0 <= value <= maximum else None
+        return round(value, DECIMALS) if 0 <= value <= maximum else None
 
     @property
     def uses_frames(self) -> bool:

@@ -14,7 +14,7 @@ from typing import Any
 
 import xarray as xr
 
-from limo.cases.case import OWN_MESH, Case, describe
+from limo.cases.case import Case, describe
 from limo.engines.engine import Engine, EngineSettings
 from limo.engines.find import find_engine
 from limo.engines.load_path import LoadPath
@@ -31,7 +31,7 @@ from limo.solve.harvest import energy_balance, harvest, rest
 from limo.solve.judge import measure, verdict
 from limo.solve.ladder import CONFIGURED, climb
 from limo.store.files import stamp_of, write_json, write_netcdf, write_whole
-from limo.store.progress import NUMERICS
+from limo.store.results import NUMERICS, OWN_MESH
 from limo.store.statuses import USABLE
 
 log = logging.getLogger(__name__)

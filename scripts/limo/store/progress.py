@@ -19,10 +19,9 @@ from typing import IO
 
 from limo.errors import LimoError
 from limo.store.files import write_json
+from limo.store.results import CaseFiles
 
-LOCK, FILE = "lock", "run/progress.json"  # in the folder of a case
 SWEEP = ".sweep"  # in the folder of results
-NUMERICS = "numerics.json"  # in the folder of a run: numerics that a recovery ladder has changed
 INTERVAL = 0.3  # s between two progress files
 _TRIES, _PAUSE = 20, 0.05  # a reader holds the lock for an instant
 _listener: ContextVar[Callable[[dict[str, object]], None] | None] = ContextVar("listener", default=None)
@@ -36,22 +35,22 @@ def report(**where: object) -> None:
 
 @contextmanager
 def solving(folder: Path) -> Iterator[None]:
-    """Within the block the case in ``folder`` counts as running, and what is reported stands in its ``run/progress.json``.
+    """Within the block the case in ``folder`` counts as running, and what is reported stands in its file of progress.
 
     Raises ``LimoError`` when another process solves the case.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    written = -INTERVAL
+    files, written = CaseFiles(folder), -INTERVAL
 
     def keep(where: dict[str, object]) -> None:
         nonlocal written
         if time.monotonic() - written >= INTERVAL:
-            write_json(folder / FILE, where, durable=False)
+            write_json(files.progress, where, durable=False)
             written = time.monotonic()
 
-    with (folder / LOCK).open("a", encoding="utf-8") as lock:
+    with files.lock.open("a", encoding="utf-8") as lock:
         if not _taken(lock.fileno(), folder):
-            (folder / LOCK).unlink()
+            files.lock.unlink()
         lock.truncate(0)
         lock.write(f"process {os.getpid()} on {socket.gethostname()}\n")
         lock.flush()
@@ -61,7 +60,7 @@ def solving(folder: Path) -> Iterator[None]:
         finally:
             _listener.reset(token)
         # only now: a lock that nobody holds tells of a solve that was broken off
-        (folder / LOCK).unlink(missing_ok=True)
+        files.lock.unlink(missing_ok=True)
 
 
 def enter_sweep(results: Path, snakemake_locks: Path) -> IO[str] | None:
@@ -101,7 +100,7 @@ def _taken(handle: int, folder: Path) -> bool:
 def solving_since(folder: Path) -> float | None:
     """When (s since 1970) the process that is solving the case in ``folder`` began; None when there is no such process."""
     try:
-        with (folder / LOCK).open("rb") as lock:
+        with CaseFiles(folder).lock.open("rb") as lock:
             try:
                 fcntl.flock(lock.fileno(), fcntl.LOCK_SH | fcntl.LOCK_NB)
             except BlockingIOError:

@@ -12,17 +12,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from limo.cases.plan import make_plan
-from limo.config.builds import find_engines
-from limo.config.load import load_config
+from limo.config.builds import open_project
 from limo.engines.find import find_engine
 from limo.errors import LimoError
 from limo.reliability.stress_cases import stress_cases
 from limo.schema.section import ENGINES
 from limo.store.progress import solving_since
+from limo.store.results import Results
 
 KINDS = ("leftovers", "cases")
 OLD = 3600.0  # s after which nobody is still writing a file
-_RULES = ("solve_case", "measure_case", "write_fields")
 
 
 @dataclass(frozen=True)
@@ -39,7 +38,8 @@ def find_rubbish(config_files: Sequence[str], results: Path, kinds: Sequence[str
 
     A case that someone is solving stays, with its mesh.
     """
-    every = sorted((results / "cases").glob("*"))
+    folder = Results(results)
+    every = sorted(folder.cases.glob("*"))
     cases = [p for p in every if solving_since(p) is None]
     leftover = _leftovers(cases) + _half_written(results) if "leftovers" in kinds else []
     if "cases" in kinds:
@@ -47,11 +47,10 @@ def find_rubbish(config_files: Sequence[str], results: Path, kinds: Sequence[str
         unused = [case for case in cases if case.name not in used]
         leftover = [r for r in leftover if not any(case in r.path.parents for case in unused)]
         leftover += [Rubbish(path, "a case that no study uses", size_of(path)) for path in unused]
-        leftover += [
-            Rubbish(path, "of a case that no study uses", size_of(path)) for c in unused for path in _about(results, c.name)
-        ]
+        about = [path for case in unused for path in _about(folder, case.name)]
+        leftover += [Rubbish(path, "of a case that no study uses", size_of(path)) for path in about]
         # someone may be solving a case of another configuration on any of them
-        spare = [p for p in (results / "meshes").glob("[!.]*.vtu") if p.stem not in meshes] if cases == every else []
+        spare = [p for p in folder.meshes.glob("[!.]*.vtu") if p.stem not in meshes] if cases == every else []
         leftover += [Rubbish(path, "a mesh that no study uses", size_of(path)) for path in sorted(spare)]
     inside = results.resolve()
     for rubbish in leftover:  # nothing outside of the results, whatever links there are
@@ -60,11 +59,9 @@ def find_rubbish(config_files: Sequence[str], results: Path, kinds: Sequence[str
     return leftover
 
 
-def _about(results: Path, name: str) -> list[Path]:
-    """Logs and benchmarks of a case."""
-    kinds = ((kind, end, rule) for kind, end in (("logs", "log"), ("benchmarks", "tsv")) for rule in _RULES)
-    files = (results / kind / rule / f"{name}.{end}" for kind, end, rule in kinds)
-    return [file for file in files if file.exists()]
+def _about(results: Results, name: str) -> list[Path]:
+    """Logs and benchmarks of a case that are there."""
+    return [file for file in results.about(name) if file.exists()]
 
 
 def _used(config_files: Sequence[str], results: Path) -> tuple[set[str], set[str]]:
@@ -72,8 +69,7 @@ def _used(config_files: Sequence[str], results: Path) -> tuple[set[str], set[str
     cases: set[str] = set()
     meshes: set[str] = set()
     for file in config_files:
-        loaded = load_config(file)
-        find_engines(loaded, file, strict=True)
+        loaded = open_project(file, strict=True)  # nobody knows what a broken study uses
         plan = make_plan(loaded, results).with_cases(stress_cases(loaded).values())
         cases.update(plan.cases)
         meshes.update(case.mesh_id for case in plan.cases.values())

@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 from limo.cases.case import Case
 from limo.cases.grid import study_cases
 from limo.config.load import load_config
-from limo.config.project import Loaded
+from limo.config.project import Project
 from limo.errors import ConfigError
 from limo.figures import style
 from limo.figures.flat_pattern import LINES, draw_pattern
@@ -22,6 +22,7 @@ from limo.mesh.file import read_mesh
 from limo.mesh.layers import DeviceMesh
 from limo.store.digest import number_label
 from limo.store.files import write_whole
+from limo.store.results import Results
 
 _ROW = 4  # panels in a row
 EPICARDIUM = 2  # the layer of a mesh that lies on the pouches of the wall
@@ -32,7 +33,7 @@ def draw_studies(config_file: str, studies: Sequence[str], results: Path, kind: 
 
     ``meshes``: with the mesh of one layer, which is made where it is not there yet.
     """
-    loaded = load_config(config_file)
+    loaded = load_config(config_file, studies)
     loaded.require(studies, config_file, "limo check --draw afterload")
     files = []
     for name in studies or loaded.studies:
@@ -43,13 +44,13 @@ def draw_studies(config_file: str, studies: Sequence[str], results: Path, kind: 
     return files
 
 
-def draw_study(loaded: Loaded, name: str, results: Path, meshes: bool = False):
+def draw_study(loaded: Project, name: str, results: Path, meshes: bool = False):
     """One panel for each flat pattern of a study."""
     cases: dict[str, Case] = {}
     variants: dict[str, list[str]] = {}
-    for (*_, variant, _branch), case in study_cases(loaded, name).items():
+    for point, case in study_cases(loaded, name).items():
         cases.setdefault(case.mesh_id, case)
-        variants.setdefault(case.mesh_id, []).append(variant)
+        variants.setdefault(case.mesh_id, []).append(point.variant)
     told_apart = len({tuple(dict.fromkeys(named)) for named in variants.values()}) > 1
     rows = -(-len(cases) // _ROW)
     columns = min(len(cases), _ROW)
@@ -86,7 +87,7 @@ def draw_study(loaded: Loaded, name: str, results: Path, meshes: bool = False):
 
 
 def _mesh(case: Case, results: Path) -> DeviceMesh:
-    file = results / "meshes" / f"{case.mesh_id}.vtu"
+    file = Results(results).mesh(case.mesh_id)
     return read_mesh(file, case.mesh.symmetry) if file.exists() else mesh_device(case.mesh_content())
 
 
@@ -114,8 +115,7 @@ def write_pattern(
     that cannot be cut.
     """
     loaded = load_config(config_file)
-    if device not in loaded.devices:
-        raise ConfigError("limo pattern", "DEVICE", device, f"one of: {', '.join(loaded.devices)}", "limo pattern limo 6")
+    loaded.require_device(device, "limo pattern", "DEVICE", "limo pattern limo 6")
     if n_pouches not in range(2, 17, 2):
         raise ConfigError("limo pattern", "N_P", n_pouches, "an even number from 2 to 16", "limo pattern limo 6")
     for key, value, low, high in (("--width-scale", width_scale, 0.5, 1.5), ("--allowance", allowance, 0.0, 50.0)):

@@ -19,6 +19,8 @@ from limo.measure.ramp import read_ramp
 from limo.reports.markdown import shown, text_table
 from limo.store.files import finite_number, read_json
 from limo.store.progress import solving_since
+from limo.store.results import CaseFiles, Results
+from limo.store.statuses import RUNNING, STALE
 from limo.terminal.status import DEVICE, CaseStatus, case_status, ended_status, read_ended, short_names
 
 _LISTED = 12  # cases that an error names
@@ -44,10 +46,11 @@ def find_case(results: Path, words: str | Sequence[str]) -> str:
     Words may be given in one text, divided by spaces or commas. Raises ``LimoError`` where none or several match.
     """
     wanted = " ".join([words] if isinstance(words, str) else words).replace(",", " ").split()
-    folder = results / "cases"
-    names = sorted(p.name for p in folder.iterdir() if p.is_dir()) if folder.is_dir() else []
+    names = Results(results).case_ids()
     if not names:
-        raise LimoError(f"{folder}: no case was begun yet; run a study first, for example: limo sweep pressure_volume")
+        raise LimoError(
+            f"{Results(results).cases}: no case was begun yet; run a study first, for example: limo sweep pressure_volume"
+        )
     matches = [name for name in names if all(_matches(name, word) for word in wanted)]
     if len(wanted) == 1 and wanted[0] in names:
         matches = wanted
@@ -77,11 +80,16 @@ class CaseFolder:
 
     folder: Path
 
+    @property
+    def files(self) -> CaseFiles:
+        """The files of the case."""
+        return CaseFiles(self.folder)
+
     @cached_property
     def described(self) -> dict[str, Any]:
         """The case as ``case.json`` describes it, empty while there is none."""
         try:
-            described = read_json(self.folder / "case.json").get("case")
+            described = read_json(self.files.described).get("case")
         except ResultError:
             return {}
         return described if isinstance(described, dict) else {}
@@ -102,13 +110,13 @@ class CaseFolder:
             return ended_status(self.folder.name, ended.status, finite_number(self.described, "actuation_pressure_max"))
         if self.case is not None:
             return case_status(self.case, self.folder)
-        return CaseStatus(self.folder.name, "running" if solving_since(self.folder) is not None else "stale")
+        return CaseStatus(self.folder.name, RUNNING if solving_since(self.folder) is not None else STALE)
 
     @cached_property
-    def ended(self) -> Mapping[str, Any]:
+    def ended(self) -> dict[str, Any]:
         """What ``status.json`` says, empty while there is none."""
         ended = read_ended(self.folder)
-        return ended.status if ended is not None else {}
+        return ended.status.to_json() if ended is not None else {}
 
     @cached_property
     def ramp(self) -> xr.Dataset | None:
@@ -130,7 +138,7 @@ class CaseFolder:
 def show_case(results: Path, words: Sequence[str], pressures: Sequence[float] = ()) -> str:
     """What a case is, where its files are, its volumes at some P_a (kPa; none: those of its frames), events and costs."""
     name = find_case(results, words)
-    one = CaseFolder(results / "cases" / name)
+    one = CaseFolder(Results(results).case(name).folder)
     lines = [name, f"  {_how_it_is(one.status)}", *_what_it_is(one)]
     if one.ramp is not None:
         lines += ["", *_volumes(one, pressures), "", *_events(one)]
@@ -142,7 +150,7 @@ def show_case(results: Path, words: Sequence[str], pressures: Sequence[float] = 
 def _what_it_is(one: CaseFolder) -> list[str]:
     case = one.case
     if case is None:
-        return [f"  {one.folder}/case.json: not there yet, or written by another version"]
+        return [f"  {one.files.described}: not there yet, or written by another version"]
     material, mesh = case.device.material, case.mesh
     return [
         f"  device {case.device_name}, N_p = {case.n_pouches}, P_v = {case.ventricular_pressure:g} kPa, "
@@ -185,12 +193,12 @@ def _cost(ended: Mapping[str, Any], key: str) -> str:
 
 
 def _files(results: Path, one: CaseFolder) -> list[str]:
-    folder = one.folder
-    files = [folder / n for n in ("case.json", "status.json", "volumes.nc", "frames.nc", "measures.nc", "case.png")]
-    files += [*sorted((folder / "fields").glob("*.pvd")), *sorted((folder / "run").glob("*"))]
-    files.append(results / "logs" / "solve_case" / f"{folder.name}.log")
+    case, folder = one.files, Results(results)
+    files = [*case.solved, case.measures, case.picture]
+    files += [*sorted(case.fields.glob("*.pvd")), *sorted(case.run.glob("*"))]
+    files.append(folder.log("solve_case", one.folder.name))
     if one.case is not None:
-        files.insert(0, results / "meshes" / f"{one.case.mesh_id}.vtu")
+        files.insert(0, folder.mesh(one.case.mesh_id))
     return [f"  {file}" for file in files if file.exists()]
 
 
@@ -203,9 +211,9 @@ def draw_case(results: Path, words: Sequence[str], file: Path | None = None) -> 
     from limo.store.files import write_whole
 
     name = find_case(results, words)
-    one = CaseFolder(results / "cases" / name)
+    one = CaseFolder(Results(results).case(name).folder)
     if one.ramp is None:
-        raise ResultError(f"{one.folder}/volumes.nc: no ramp to draw")
+        raise ResultError(f"{one.files.volumes}: no ramp to draw")
     figure, axes = style.panels(3)
     pressure = one.ramp.actuation_pressure
     axes[0].plot(pressure, one.ramp.ventricle_volume, color=style.COLORS[1], label="ventricle $V_v$")
@@ -218,7 +226,7 @@ def draw_case(results: Path, words: Sequence[str], file: Path | None = None) -> 
         axis.legend()
     axes[2].set(xlabel="Actuation volume $\\Delta V_a$ [ml]", ylabel="Stroke volume $\\Delta V_v$ [ml]")
     figure.suptitle(f"{name} ({one.status.status})", fontsize=8)
-    file = file or one.folder / "case.png"
+    file = file or one.files.picture
     if file.suffix not in (".png", ".pdf", ".svg"):
         raise LimoError(f"{file}: expected a name that ends in .png, .pdf or .svg")
     write_whole(file, lambda path: style.save(figure, path))
@@ -229,7 +237,7 @@ def draw_case(results: Path, words: Sequence[str], file: Path | None = None) -> 
 def compare_cases(results: Path, first: str, second: str, step: float = 0.5) -> str:
     """Parameters in which two cases differ, differences of their curves every ``step`` kPa, and their costs."""
     names = find_case(results, first), find_case(results, second)
-    a, b = (CaseFolder(results / "cases" / name) for name in names)
+    a, b = (CaseFolder(Results(results).case(name).folder) for name in names)
     lines = [f"a  {names[0]} ({a.status.status})", f"b  {names[1]} ({b.status.status})", ""]
     flat = [flatten(one.described) for one in (a, b)]
     rows = [(key, *(str(f.get(key, "-")) for f in flat)) for key in dict.fromkeys([*flat[0], *flat[1]])]

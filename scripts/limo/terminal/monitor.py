@@ -17,11 +17,12 @@ from rich.table import Table
 from rich.text import Text
 
 from limo.cases.cost import duration
+from limo.store.statuses import CONVERGED, CRASHED, DEGRADED, DIVERGED, RUNNING, STALE, TIMED_OUT, WAITING
 from limo.terminal.status import FAILED, STATUSES, CaseStatus, Sweep, short_names
 
 LOG = "logs/sweep.log"  # in the folder of results
-_STYLES = {"running": "cyan", "waiting": "dim", "converged": "green", "degraded": "yellow", "stale": "yellow"} | dict.fromkeys(
-    ("diverged", "timed_out", "crashed"), "red"
+_STYLES = {RUNNING: "cyan", WAITING: "dim", CONVERGED: "green", DEGRADED: "yellow", STALE: "yellow"} | dict.fromkeys(
+    (DIVERGED, TIMED_OUT, CRASHED), "red"
 )
 _WIDTH = 150  # columns where there is no terminal
 _OTHERS = 8  # lines of a terminal that are not cases
@@ -71,7 +72,7 @@ def _text(value: float | None, form: str) -> str:
 
 def _most_telling(statuses: Sequence[CaseStatus], count: int) -> list[CaseStatus]:
     """At most ``count`` cases in their order: those that run or failed, then those that ended, then those that wait."""
-    order = {"running": 0, **dict.fromkeys(FAILED, 1), "degraded": 2, "converged": 3, "waiting": 4}
+    order = {RUNNING: 0, **dict.fromkeys(FAILED, 1), DEGRADED: 2, CONVERGED: 3, WAITING: 4}
     kept = sorted(range(len(statuses)), key=lambda k: (order[statuses[k].status], k))[: max(count, 1)]
     return [statuses[k] for k in sorted(kept)]
 
@@ -80,7 +81,7 @@ def _totals(sweep: Sweep, statuses: Sequence[CaseStatus], hidden: int = 0) -> Te
     totals = sweep.totals(statuses)
     parts = [f"{totals['cases']} cases", *(f"{totals[s]} {s}" for s in STATUSES if totals[s])]
     if totals["seconds_left"]:
-        workers = max(sweep.workers, totals["running"])
+        workers = max(sweep.workers, totals[RUNNING])
         parts.append(f"about {duration(totals['seconds_left'])} left, {workers} case{'s' * (workers > 1)} at a time")
     lines = [", ".join(parts)]
     if hidden:
@@ -116,7 +117,7 @@ def watch(sweep: Sweep, to: Console, every: float, done: Callable[[], bool] | No
     """
 
     def over(statuses: Sequence[CaseStatus]) -> bool:
-        return done() if done is not None else not any(s.status in ("running", "waiting") for s in statuses)
+        return done() if done is not None else not any(s.status in (RUNNING, WAITING) for s in statuses)
 
     statuses = sweep.look()
     if to.is_terminal and not to.is_dumb_terminal:
@@ -146,7 +147,7 @@ def changes(before: dict[str, CaseStatus], statuses: Sequence[CaseStatus]) -> li
     names, lines = short_names(s.case for s in statuses), []
     for s in statuses:
         old = before.get(s.case)
-        if s.status == "waiting" or (old is not None and _milestone(old) == _milestone(s)):
+        if s.status == WAITING or (old is not None and _milestone(old) == _milestone(s)):
             continue
         parts = [names[s.case], *(s.variant,) * bool(s.variant), s.status]
         if s.stage and s.actuation_pressure is not None and s.actuation_pressure_max is not None:

@@ -48,10 +48,9 @@ def new_study(config_file: str, name: str, device: str = "limo") -> Path:
         raise ConfigError(
             "limo new-study", "NAME", name, "letters, digits and _, a letter first, and no rule's name", "thick_fabric"
         )
-    if name in loaded.studies:
+    if f"studies/{name}" in loaded.files:
         raise LimoError(f"{loaded.files[f'studies/{name}']}: there is a study of this name already")
-    if device not in loaded.devices:
-        raise ConfigError("limo new-study", "--device", device, f"one of: {', '.join(loaded.devices)}", "--device limo")
+    loaded.require_device(device, "limo new-study", "--device", "--device limo")
     config = loaded.config
     default = loaded.default()
     text = TEMPLATE.format(
@@ -70,7 +69,7 @@ def new_study(config_file: str, name: str, device: str = "limo") -> Path:
     file = Path(config_file).parent / "studies" / f"{name}.yaml"
     write_whole(file, lambda path: path.write_text(text, encoding="utf-8"))
     try:
-        load_config(config_file)
+        load_config(config_file, [name])
     except LimoError:
         file.unlink()
         raise

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -17,21 +17,21 @@ from typing import Any
 
 from limo.cases.case import Case
 from limo.cases.cost import predict, schedule, seconds_left, share_done
-from limo.cases.plan import CROSS_CHECK, Plan, make_plan
+from limo.cases.plan import Plan, make_plan
 from limo.cases.solved import Solved, holds, is_sound
-from limo.config.builds import find_engines
-from limo.config.load import load_config
-from limo.config.project import Loaded
+from limo.config.builds import open_project
+from limo.config.project import Project
 from limo.engines.engine import Place
 from limo.engines.find import find_engine
 from limo.errors import ResultError
 from limo.schema.section import STAGES
-from limo.store.files import finite_number, read_json
-from limo.store.progress import LOCK, solving_since
+from limo.store.files import read_json
+from limo.store.progress import solving_since
+from limo.store.results import CaseFiles, Results
+from limo.store.statuses import CRASHED, ENDED, RUNNING, STALE, USABLE, WAITING, SolveStatus
 
-ENDED = ("converged", "degraded", "diverged", "timed_out", "crashed")
-FAILED = ("diverged", "timed_out", "crashed", "stale")
-STATUSES = ("running", "waiting", "stale", *ENDED)
+FAILED = (*(word for word in ENDED if word not in USABLE), STALE)
+STATUSES = (RUNNING, WAITING, STALE, *ENDED)
 RECENT = 120.0  # s within which files must have grown for a case to run where the file system knows no locks
 #: what a name begins with before its numbers
 DEVICE = re.compile(r"^\w+?_(?=np\d+_pv)")
@@ -62,8 +62,8 @@ class CaseStatus:
 class Sweep:
     """The cases that some studies of a configuration want, and where they are at the moment of each ``look``."""
 
-    def __init__(self, loaded: Loaded, plan: Plan, studies: Sequence[str], results: Path, cores: int):
-        self.loaded, self.plan, self.results = loaded, plan, results
+    def __init__(self, loaded: Project, plan: Plan, studies: Sequence[str], results: Path, cores: int):
+        self.loaded, self.plan, self.results = loaded, plan, Results(results)
         self.workers = max(cores // loaded.config.solver.threads, 1)
         wanted = dict.fromkeys(n for study in studies for n in (*plan.of_study(study), *plan.checks_of_study(study)))
         self.named = list(wanted)
@@ -76,67 +76,64 @@ class Sweep:
     def look(self) -> list[CaseStatus]:
         """The cases of the studies in their order, then those of other studies that someone is solving."""
         statuses = [self._case(name) for name in self.named]
-        begun = (self._case(name) for name in self.others if solving_since(self.results / "cases" / name) is not None)
+        begun = (self._case(name) for name in self.others if solving_since(self.results.case(name).folder) is not None)
         return statuses + list(begun)
 
     def _case(self, name: str) -> CaseStatus:
-        status = case_status(self.plan.cases[name], self.results / "cases" / name, self.predicted[name])
+        status = case_status(self.plan.cases[name], self.results.case(name).folder, self.predicted[name])
         return replace(status, variant=self.variants.get(name, ""))
 
     def totals(self, statuses: Sequence[CaseStatus]) -> dict[str, Any]:
         """How many cases are in each status, and the wall time (s) that is left."""
         counts = {s: sum(c.status == s for c in statuses) for s in STATUSES}
         left = [c.seconds_left for c in statuses if c.seconds_left]
-        workers = max(self.workers, counts["running"])
+        workers = max(self.workers, counts[RUNNING])
         return {"cases": len(statuses), **counts, "seconds_left": round(schedule(left, workers), 1)}
 
 
 def _variants(plan: Plan, studies: Sequence[str]) -> dict[str, str]:
     """What studies call the cases that they tell apart by variant or branch, by case id."""
-    parts_of_case: dict[str, dict[str, None]] = {}
+    names: dict[str, dict[str, None]] = {}
     for study in studies:
-        for key, name in plan.served[study].items():
-            *_, variant, branch = key
-            parts = [CROSS_CHECK.replace("_", " ")] if key[0] == CROSS_CHECK else []
-            parts += [variant] * bool(variant) + [f"branch {branch}"] * bool(branch)
-            if parts:
-                parts_of_case.setdefault(name, {})[", ".join(parts)] = None
-    return {name: " = ".join(parts) for name, parts in parts_of_case.items()}
+        served = [("", point, case_id) for point, case_id in plan.served[study].items()]
+        checks = [("cross check", point, case_id) for point, case_id in plan.checks[study].items()]
+        for kind, point, case_id in served + checks:
+            if words := [word for word in (kind, point.variant, f"branch {point.branch}" * bool(point.branch)) if word]:
+                names.setdefault(case_id, {})[", ".join(words)] = None
+    return {case_id: " = ".join(each) for case_id, each in names.items()}
 
 
 def open_sweep(config_file: str, studies: Sequence[str], results: Path, cores: int) -> Sweep:
     """The sweep of some studies (none: those that the configuration runs). Raises ``ConfigError`` for one that is not there."""
-    loaded = load_config(config_file)
-    loaded.require(studies, config_file, "limo status pressure_volume")
-    find_engines(loaded, config_file, studies)
+    loaded = open_project(config_file, studies, "limo status pressure_volume")
     return Sweep(loaded, make_plan(loaded, results), studies or loaded.config.studies, results, cores)
 
 
 def case_status(case: Case, folder: Path, predicted: float | None = None) -> CaseStatus:
     """Where one case is. ``predicted``: the time (s) that a solve of it should take."""
-    name, maximum = case.case_id, case.actuation_pressure_max
+    name, maximum, files = case.case_id, case.actuation_pressure_max, CaseFiles(folder)
     since, ended = solving_since(folder), read_ended(folder)
-    damaged = ended is not None and not is_sound(folder, ended.described, ended.status)
+    damaged = ended is not None and not is_sound(files, ended.described, ended.status)
     if since is None and ended is not None and not damaged and fits(ended, case):
         return ended_status(name, ended.status, maximum)
     place = _place(case, folder)
-    if since is None and not (folder / LOCK).exists() and place is not None and time.time() - place.written < RECENT:
+    if since is None and not files.lock.exists() and place is not None and time.time() - place.written < RECENT:
         since = _began(folder)
     if since is not None and place is not None and place.written < since:
         place = None  # of an earlier run
     if since is None and ended is not None:
         reason = "files are damaged" if damaged else "solved by other code or without frames that are wanted"
         return CaseStatus(
-            name, "waiting", reason, seconds_left=predicted,
+            name, WAITING, reason, seconds_left=predicted,
             actuation_pressure_max=maximum,
         )  # fmt: skip
     where = _where(place, maximum)
     if since is None:
-        reason, begun = _error(folder), (folder / LOCK).exists() or any_file(folder / "run")
-        status = "crashed" if reason else "stale" if begun else "waiting"
-        if status == "stale":
+        reason, begun = _error(folder), files.lock.exists() or any_file(files.run)
+        status = CRASHED if reason else STALE if begun else WAITING
+        if status == STALE:
             reason = "begun, but no process is solving it: run snakemake again"
-        return CaseStatus(name, status, reason, seconds_left=None if reason and status == "crashed" else predicted, **where)
+        return CaseStatus(name, status, reason, seconds_left=None if status == CRASHED else predicted, **where)
     elapsed = max(time.time() - since, 0.0)
     iterating = place.written - since if place else 0.0
     rate = round(place.iterations / iterating, 2) if iterating > 1.0 else None
@@ -144,7 +141,7 @@ def case_status(case: Case, folder: Path, predicted: float | None = None) -> Cas
     if predicted is not None:
         left = round(seconds_left(predicted, elapsed, share_done(case.engine, *(place.shares if place else (0, 0, 0)))), 1)
     return CaseStatus(
-        name, "running", iterations_per_second=rate, seconds=round(elapsed, 1), seconds_left=left, **where
+        name, RUNNING, iterations_per_second=rate, seconds=round(elapsed, 1), seconds_left=left, **where
     )  # fmt: skip
 
 
@@ -167,14 +164,15 @@ def _where(place: Place | None, maximum: float) -> dict[str, Any]:
 
 def read_ended(folder: Path) -> Solved | None:
     """The case of a folder as far as it has ended with a status; None otherwise."""
+    files = CaseFiles(folder)
     try:
-        status = read_json(folder / "status.json")
+        status = SolveStatus.from_json(read_json(files.status), files.status)
     except ResultError:
         return None
-    if status.get("status") not in ENDED:
+    if status.status not in ENDED:
         return None
     try:
-        described = read_json(folder / "case.json")
+        described = read_json(files.described)
     except ResultError:
         described = {}
     return Solved(folder.name, described, status)
@@ -188,28 +186,23 @@ def fits(solved: Solved, case: Case) -> bool:
         return False
 
 
-def ended_status(name: str, status: Mapping[str, Any], maximum: float | None) -> CaseStatus:
+def ended_status(name: str, status: SolveStatus, maximum: float | None) -> CaseStatus:
     """The same of a case that has ended, from its ``status.json``."""
-    iterations, seconds = finite_number(status, "iterations"), finite_number(status, "solver_wall_seconds")
-    by_stage = status.get("iterations_by_stage")
-    counted = [s for s in STAGES if isinstance(by_stage, dict) and finite_number(by_stage, s)]
+    iterations, seconds = status.iterations, status.solver_wall_seconds
+    counted = [s for s in STAGES if status.iterations_by_stage.get(s)]
     return CaseStatus(
         name,
-        str(status["status"]),
-        str(status.get("reason") or ""),
+        status.status,
+        status.reason,
         counted[-1] if counted else "",
-        finite_number(status, "actuation_pressure_reached"),
+        status.actuation_pressure_reached,
         maximum,
-        _whole(finite_number(status, "increments")),
-        _whole(finite_number(status, "rejected_attempts")),
-        _whole(iterations),
+        status.increments,
+        status.rejected_attempts,
+        iterations,
         round(iterations / seconds, 2) if iterations is not None and seconds else None,
         seconds,
     )
-
-
-def _whole(value: float | None) -> int | None:
-    return None if value is None else int(value)
 
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -226,7 +219,7 @@ def _place(case: Case, folder: Path) -> Place | None:
 def _began(folder: Path) -> float | None:
     """When the first file of the run was written."""
     with suppress(OSError, ValueError):
-        return min(file.stat().st_mtime for file in (folder / "run").iterdir())
+        return min(file.stat().st_mtime for file in CaseFiles(folder).run.iterdir())
     return None
 
 
@@ -240,7 +233,7 @@ def any_file(folder: Path) -> bool:
 
 def _error(folder: Path) -> str:
     """The last error in the log of the script that solved the case; "" where it was killed or never ran."""
-    log = folder.parents[1] / "logs" / "solve_case" / f"{folder.name}.log"
+    log = Results(folder.parents[1]).log("solve_case", folder.name)
     try:
         lines = log.read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError:

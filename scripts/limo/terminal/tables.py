@@ -12,8 +12,7 @@ import xarray as xr
 from limo.cases.cost import duration, memory_mib, plan_costs, schedule
 from limo.cases.grid import study_cases
 from limo.cases.plan import make_plan
-from limo.config.builds import find_engines
-from limo.config.load import load_config
+from limo.config.builds import open_project
 from limo.datasets.variables import COORDINATES, SYMBOLS, place
 from limo.errors import ResultError
 from limo.reports.markdown import shown
@@ -25,11 +24,10 @@ def plan_table(config_file: str, names: Sequence[str], results: Path, cores: int
 
     The last line is about all of them together: cases that they share are solved once, the longest first on ``cores``; the
     memory is that of the largest.
-    Raises ``ConfigError`` for a mistake in the configuration or a study that it does not have.
+    Raises ``ConfigError`` for a mistake in what is named or a study that it does not have, and ``LimoError`` with all mistakes if
+    none is named.
     """
-    loaded = load_config(config_file)
-    loaded.require(names, config_file, "limo check pressure_volume")
-    find_engines(loaded, config_file, names)
+    loaded = open_project(config_file, names, "limo check pressure_volume", strict=not names)
     plan = make_plan(loaded, results)
     costs = plan_costs(plan)
     lines = [f"{config_file}: valid; {', '.join(f'{engine} {build}' for engine, build in sorted(loaded.builds.items()))}"]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import re
 from dataclasses import replace
 from importlib import import_module
@@ -23,7 +22,9 @@ from limo.accuracy.errors import (
     preset_of,
     scatter_of,
 )
-from limo.accuracy.kept_runs import kept_file, lacking, read_runs, write_runs
+from limo.accuracy.kept_names import kept_file, lacking
+from limo.accuracy.kept_runs import read_runs, write_runs
+from limo.accuracy.roles import error_studies, is_kept, is_timed, studies_of, subjects
 from limo.accuracy.runs import Run
 from limo.accuracy.sizes import COLUMNS
 from limo.accuracy.statistics import exponent, pareto, richardson, rows_of, settings_of
@@ -115,7 +116,7 @@ def test_distances_are_from_all_copies_of_the_part(symmetry, copies):
 def make_run(make_case):
     """A run whose volumes are ``factor`` times those of a straight ramp and whose surface lies ``shift`` mm higher."""
 
-    def make(factor=1.0, shift=0.0, part="accuracy", status="converged", until=60.0, **changed):
+    def make(factor=1.0, shift=0.0, role="accuracy", status="converged", until=60.0, **changed):
         stroke = np.where(until >= PRESSURE, 2.0 * factor * PRESSURE, np.nan)
         values = {
             "ventricle_volume": ("actuation_pressure", 300.0 - stroke), "stroke_volume": ("actuation_pressure", stroke),
@@ -126,7 +127,7 @@ def make_run(make_case):
         }  # fmt: skip
         values = xr.Dataset(values | changed, coords={"actuation_pressure": PRESSURE, "frame": ["0", "max"]})
         surface = replace(sheet(shift), height=np.array([0.0, 0.1 * factor]))
-        return Run(part, "", "", 0, make_case(), values, surface, times=(float(values.solver_time),))
+        return Run(role, "", "", 0, make_case(), values, surface, times=(float(values.solver_time),))
 
     return make
 
@@ -214,6 +215,27 @@ def test_runs_are_known_by_the_presets_that_they_are(loaded, make_case):
     assert named(engine="calculix") == ""
 
 
+def test_what_studies_are_for_stands_in_their_files(loaded):
+    """Whatever they are called; only subjects with a reference count."""
+    reference, accuracy = loaded.studies["reference_np4"], loaded.studies["accuracy_np4"]
+    names = {
+        "settings": accuracy, "finest": reference, "plain": loaded.studies["stress"],
+        "alone": accuracy.model_copy(update={"subject": "np6"}), "bent": accuracy.model_copy(update={"role": "shells"}),
+    }  # fmt: skip
+    project = replace(loaded, studies=names)
+    assert subjects(project) == ["np4"]
+    assert studies_of(project, "np4") == {"accuracy": "settings", "reference": "finest", "shells": "bent"}
+    assert error_studies(project) == ["settings", "finest", "bent"]
+    assert [name for name in names if is_kept(names[name])] == ["finest"]
+    assert [name for name in names if is_timed(names[name])] == ["settings", "alone", "bent"]
+
+
+def test_shipped_studies_have_the_roles_that_their_names_tell(loaded):
+    roles = {name: (study.role, study.subject) for name, study in loaded.studies.items() if study.role}
+    assert roles == {name: tuple(name.split("_")) for name in roles}
+    assert set(error_studies(loaded)) == set(roles)
+
+
 # --------------------------------------------------------------------------------------------------------------------
 # the kept dataset, its figures and the report
 
@@ -224,10 +246,10 @@ def gathered(loaded, make_run, make_case, monkeypatch, tmp_path):
     fast = loaded.config.numerics_presets["fast"]
     damped = fast.model_copy(update={"ramp": fast.ramp.model_copy(update={"damping": 1e7})})
 
-    def run(part, variant, factor, engine, seconds, branch=0, numerics=fast, status="converged", **mesh):
+    def run(role, variant, factor, engine, seconds, branch=0, numerics=fast, status="converged", **mesh):
         case = make_case(mesh=Mesh(**mesh), engine=engine, numerics=numerics.for_engine(engine), branch=branch)
         made = make_run(
-            factor, part=part, status=status, solver_time=seconds, iterations=seconds * 10.0, solver_memory=9.0 * seconds
+            factor, role=role, status=status, solver_time=seconds, iterations=seconds * 10.0, solver_memory=9.0 * seconds
         )
         size = 2100.0 * seconds
         cuts = (np.zeros((0, 2, 2)), np.arange(8.0).reshape(2, 2, 2) * factor)
@@ -249,7 +271,7 @@ def gathered(loaded, make_run, make_case, monkeypatch, tmp_path):
         replace(run("shells", "s8r", 0.99, "calculix", 200.0, symmetry="full", element="S8R"), surface=None),
         replace(run("shells", "s8", 0.9, "calculix", 300.0, symmetry="full", element="S8"), surface=None),
     ]
-    monkeypatch.setattr(error_table, "runs_of", lambda loaded, device, *_: runs if device == "np4" else [])
+    monkeypatch.setattr(error_table, "runs_of", lambda project, subject, *_: runs if subject == "np4" else [])
     scaling = tmp_path / "gathered/scaling"
     scaling.mkdir(parents=True)
     sizes = [("newton", "a build", "measured", 1000.0 * 4**k, 50 * 4**k, 5, 5.0 * 8**k, 100.0 * 4**k) for k in range(4)]
@@ -270,10 +292,10 @@ def kept_runs(make_run, loaded):
     cases = list(study_cases(loaded, "reference_np4").items())[:2]
     cuts = (np.zeros((0, 2, 2)), np.arange(8.0).reshape(2, 2, 2))
     runs = []
-    for factor, nx, (key, case) in zip((0.9, 1.1), (3, 5), cases, strict=True):
-        made = make_run(factor, part="reference", case_id=case.case_id, machine="a machine")
+    for factor, nx, (point, case) in zip((0.9, 1.1), (3, 5), cases, strict=True):
+        made = make_run(factor, role="reference", case_id=case.case_id, machine="a machine")
         surface = replace(sheet(-200.0 * factor, nx=nx, symmetry="quarter"), sections=cuts)
-        runs.append(replace(made, case=case, branch=key[-1], surface=surface, equations=(100.0, 400.0)))
+        runs.append(replace(made, case=case, branch=point.branch, surface=surface, equations=(100.0, 400.0)))
     return runs
 
 
@@ -283,8 +305,8 @@ def test_kept_runs_survive_their_file(kept_runs, loaded, tmp_path):
     assert read_runs(loaded, "reference_np4", file) == []
     write_runs(kept_runs, file)
     again = read_runs(loaded, "reference_np4", file)
-    assert [(r.case, r.branch, r.part, r.equations) for r in again] == [
-        (r.case, r.branch, r.part, r.equations) for r in kept_runs
+    assert [(r.case, r.branch, r.role, r.equations) for r in again] == [
+        (r.case, r.branch, r.role, r.equations) for r in kept_runs
     ]
     for one, other in zip(again, kept_runs, strict=True):
         assert errors_of(one, [other]) == pytest.approx(dict.fromkeys(ERRORS, 0.0), abs=1e-4)
@@ -294,10 +316,9 @@ def test_kept_runs_survive_their_file(kept_runs, loaded, tmp_path):
         np.testing.assert_allclose(one.surface.points, other.surface.points, atol=0.5 * STEP + 1e-6)
     assert lacking(loaded, "reference_np4", tmp_path) == [False, False, True, True, True]
     coarser = loaded.studies["reference_np4"].model_copy(update={"mesh": Mesh(level="medium")})
-    other = copy.copy(loaded)
-    other.builds = {"newton": "another"}
+    other = loaded.with_builds({"newton": "another"})
     assert len(read_runs(other, "reference_np4", file)) == 2, "the same cases by another build"
-    other.studies = {**loaded.studies, "reference_np4": coarser}
+    other = replace(loaded, studies={**loaded.studies, "reference_np4": coarser})
     assert all(lacking(other, "reference_np4", tmp_path)), "another mesh"
     assert read_runs(other, "reference_np4", file) == []
     file.write_text("nothing")
@@ -325,16 +346,15 @@ def test_rows_survive_their_file(gathered, tmp_path):
 
 def test_rows_that_are_measured_later_join_the_kept_ones(gathered, loaded, monkeypatch, tmp_path):
     runs = error_table.runs_of(loaded, "np4")
-    reference = [run for run in runs if run.part == "reference"]
+    reference = [run for run in runs if run.role == "reference"]
     (newton,) = (run for run in runs if run.variant == "newton")
     fuller = replace(newton.case, mesh=Mesh(level="paper", element="C3D20"))
     longer = replace(newton.surface, pressure=np.array([0.0, 30.0, 60.0]), height=np.array([0.0, 0.05, 0.1]))
     later = [replace(newton, surface=replace(longer, sections=(*newton.surface.sections, np.ones((1, 2, 2)))))]
     later.append(replace(newton, case=fuller, variant="fuller", values=newton.values.assign(machine="another machine")))
-    monkeypatch.setattr(error_table, "runs_of", lambda loaded, device, *_: [*reference, *later] if device == "np4" else [])
+    monkeypatch.setattr(error_table, "runs_of", lambda project, subject, *_: [*reference, *later] if subject == "np4" else [])
     both = joined(gather_errors(loaded, tmp_path, None, {}), gathered)
-    named = [(part, kind, setting, branch) for _, part, kind, setting, branch in error_table._keys(both)]
-    before = [(part, kind, setting, branch) for _, part, kind, setting, branch in error_table._keys(gathered)]
+    named, before = ([key[1:] for key in error_table.keys_of(dataset)] for dataset in (both, gathered))
     assert len(set(named)) == len(named) == len(before) + 1
     assert set(named) - set(before) == {("accuracy", "run", "fuller", 0.0)}
     kinds = [kind for _, kind, _, _ in named]
@@ -440,7 +460,7 @@ def test_what_was_not_run_is_not_measured(gathered, loaded):
 
 
 def test_without_two_runs_of_a_reference_there_are_no_errors(loaded, monkeypatch, make_run):
-    monkeypatch.setattr(error_table, "runs_of", lambda *_: [make_run(part="reference"), make_run()])
+    monkeypatch.setattr(error_table, "runs_of", lambda *_: [make_run(role="reference"), make_run()])
     with pytest.raises(ResultError, match="two converged runs of its reference"):
         gather_errors(loaded, None, None, {})
 

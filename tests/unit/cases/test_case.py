@@ -81,8 +81,8 @@ def test_only_the_last_pressure_leaves_the_path_as_it_is(make_case, name):
     change, _ = PHYSICAL_CHANGES[name]
     case = make_case()
     changed = make_case(**change(case))
-    assert (changed.path() == case.path()) == (name == "P_a,max")
-    assert (changed.path(any_level=True) == case.path(any_level=True)) == (name in ("P_a,max", "level", "grading"))
+    assert (changed.path == case.path) == (name == "P_a,max")
+    assert (changed.path_on_any_level == case.path_on_any_level) == (name in ("P_a,max", "level", "grading"))
 
 
 def test_names_are_fit_for_a_path_and_show_the_four_numbers(make_case):
@@ -155,9 +155,8 @@ def test_cases_that_studies_share_are_run_once_with_the_frames_of_both(loaded, t
 def with_study(loaded, **changes):
     """The configuration with one study ``s``: that of the default with other values."""
     study = loaded.studies["pressure_volume"].model_copy(update=changes)
-    made = type(loaded)(loaded.config, loaded.devices, {"s": study}, loaded.files)
-    made.builds = {"calculix": "2.20", "newton": "mkl"}
-    return made
+    builds = {"calculix": "2.20", "newton": "mkl"}
+    return type(loaded)(loaded.config, loaded.devices, {"s": study}, loaded.files, builds=builds)
 
 
 def test_the_engine_its_build_and_its_own_numerics_name_a_result(loaded, make_case):
@@ -172,7 +171,7 @@ def test_the_engine_its_build_and_its_own_numerics_name_a_result(loaded, make_ca
 
 def test_branches_are_cases_of_their_own_on_one_mesh(loaded):
     cases = study_cases(with_study(loaded, branches=3), "s")
-    assert sorted({key[-1] for key in cases}) == [0, 1, 2]
+    assert sorted({point.branch for point in cases}) == [0, 1, 2]
     assert len({c.case_id for c in cases.values()}) == len(cases) == 12
     assert len({c.mesh_id for c in cases.values()}) == 4
     plain = study_cases(with_study(loaded), "s")
@@ -190,7 +189,7 @@ def test_a_study_changes_keys_of_its_numerics_and_variants_change_more(loaded):
     (usual,) = study_cases(with_study(loaded, axes=axes, engine="newton"), "s").values()
     (calculix,) = study_cases(with_study(loaded, axes=axes), "s").values()
     cases = study_cases(with_study(loaded, axes=axes, numerics=finer, variants=variants), "s")
-    found = {key[-2]: case for key, case in cases.items()}
+    found = {point.variant: case for point, case in cases.items()}
     steps = {name: (case.numerics.newton.load_step, case.numerics.newton.largest_step) for name, case in found.items()}
     usual_steps = usual.numerics.newton.load_step, usual.numerics.newton.largest_step
     assert steps == {"plain": (0.25, usual_steps[1]), "shorter": (0.25, 0.05), "anew": usual_steps, "other": usual_steps}
@@ -209,7 +208,7 @@ def test_variants_differ_from_the_study_in_what_they_name_only(loaded):
         "small": Variant(device="mini_limo"),
     }
     axes = Axes(n_pouches=[8], ventricular_pressure=[3.8])
-    found = {key[-2]: case for key, case in study_cases(with_study(loaded, axes=axes, variants=variants), "s").items()}
+    found = {point.variant: case for point, case in study_cases(with_study(loaded, axes=axes, variants=variants), "s").items()}
     (plain,) = study_cases(with_study(loaded, axes=axes), "s").values()
     assert found["plain"] == plain
     assert found["half"] == replace(plain, mesh=plain.mesh.model_copy(update={"symmetry": "front_back"}))
@@ -226,5 +225,5 @@ def test_variants_differ_from_the_study_in_what_they_name_only(loaded):
 @pytest.mark.parametrize(("asked", "pouches"), [(0, []), (1, [4]), (2, [4, 10]), (3, [4, 8, 10]), (9, [4, 6, 8, 10])])
 def test_cross_checks_are_spread_over_the_grid_and_solved_by_the_other_engine(loaded, asked, pouches):
     twins = cross_checks(with_study(loaded, engine="newton", branches=2, cross_check=asked), "s")
-    assert [key[0] for key in twins] == pouches
+    assert [point.n_pouches for point in twins] == pouches
     assert {(t.engine, t.build, t.branch) for t in twins.values()} <= {("calculix", "2.20", 0)}

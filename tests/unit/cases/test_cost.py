@@ -12,10 +12,11 @@ from limo.cases.case import describe
 from limo.cases.cost import duration, memory_mib, predict, prior_seconds, ranks, schedule
 from limo.cases.solved import Solved
 from limo.schema.numerics import Mesh, MeshLevel
+from limo.store.statuses import SolveStatus
 
 
 def solved(case, seconds, status="converged"):
-    return Solved(case.case_id, describe(case), {"status": status, "solver_cpu_seconds": seconds})
+    return Solved(case.case_id, describe(case), SolveStatus(status=status, solver_cpu_seconds=seconds))
 
 
 def at_level(make_case, dof, **changes):
@@ -65,8 +66,8 @@ def test_cases_that_failed_or_cannot_be_read_and_other_kinds_tell_nothing(make_c
         solved(case, 0.0),
         solved(case, None),
         solved(make_case(numerics_name="paper"), 1e6),
-        Solved("x", {}, {"status": "converged", "solver_cpu_seconds": 1e6}),
-        Solved("x", {"case": {"n_pouches": 4}}, {"status": "converged", "solver_cpu_seconds": 1e6}),
+        Solved("x", {}, SolveStatus(status="converged", solver_cpu_seconds=1e6)),
+        Solved("x", {"case": {"n_pouches": 4}}, SolveStatus(status="converged", solver_cpu_seconds=1e6)),
     ]
     assert predict([case], useless) == predict([case])
 

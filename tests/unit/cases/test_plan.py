@@ -12,22 +12,22 @@ import pytest
 from limo.cases.case import Case, describe, solve_code
 from limo.cases.grid import study_cases
 from limo.cases.plan import make_plan
-from limo.cases.solved import RESULT_FILES, holds, keep, restore, solved_cases
-from limo.config.project import Loaded
+from limo.cases.solved import holds, keep, restore, solved_cases
+from limo.config.project import Project
 from limo.schema.solver import Recovery
 from limo.schema.study import Study
 from limo.store.files import read_json, stamp_of, write_json
+from limo.store.results import CaseFiles
 
 
 @pytest.fixture
 def studies(loaded):
     """``studies(name={...}, ...)``: the shipped configuration with these studies, N_p = 8 at 3.8 kPa unless they say else."""
 
-    def make(build="2.20-abc", **changes) -> Loaded:
+    def make(build="2.20-abc", **changes) -> Project:
         base = {"axes": {"n_pouches": [8], "ventricular_pressure": [3.8]}, "actuation_pressure_max": 60}
-        made = Loaded(loaded.config, loaded.devices, {n: Study(**(base | c)) for n, c in changes.items()}, loaded.files)
-        made.builds = {"calculix": build}
-        return made
+        made = {n: Study(**(base | c)) for n, c in changes.items()}
+        return Project(loaded.config, loaded.devices, made, loaded.files, builds={"calculix": build})
 
     return make
 
@@ -255,7 +255,7 @@ def test_cases_of_a_grid_are_served_by_their_like(studies, results):
     for key, case in study_cases(loaded, "b").items():
         serving = plan.cases[plan.served["b"][key]]
         assert serving.label == case.label
-        assert serving.path() == case.path()
+        assert serving.path == case.path
 
 
 def test_holding_frames_is_a_matter_of_tolerance():
@@ -286,9 +286,7 @@ def with_ladder(loaded, *names):
     """The same configuration with another ladder of CalculiX."""
     rungs = {"calculix": [{"name": n, "multiply": {"first_increment": 0.5}} for n in names]}
     config = loaded.config.model_copy(update={"recovery": Recovery.model_validate(rungs)})
-    made = Loaded(config, loaded.devices, loaded.studies, loaded.files)
-    made.builds = loaded.builds
-    return made
+    return Project(config, loaded.devices, loaded.studies, loaded.files, builds=loaded.builds)
 
 
 def test_a_case_whose_solver_was_killed_is_solved_again_until_it_is_settled(studies, results):
@@ -327,7 +325,7 @@ def test_a_degraded_case_is_a_result(studies, results):
     plan = make_plan(loaded, results.path)
     results.solve(plan, status="degraded")
     assert not make_plan(loaded, results.path).to_solve
-    assert make_plan(loaded, results.path).solved.popitem()[1].reached == float("inf")
+    assert make_plan(loaded, results.path).solved.popitem()[1].status.reached == float("inf")
 
 
 @pytest.mark.parametrize("damage", ["cut", "changed", "gone", "other size"])
@@ -369,16 +367,16 @@ def written(studies, results):
 
 def removed(folder):
     """What Snakemake does before it starts a job again that was broken off."""
-    for name in RESULT_FILES:
-        (folder / name).unlink(missing_ok=True)
+    for file in CaseFiles(folder).solved:
+        file.unlink(missing_ok=True)
 
 
 def test_a_case_that_was_written_and_not_reported_is_put_back(written):
     case, folder, recovery = written
-    before = {name: (folder / name).read_bytes() for name in RESULT_FILES}
+    before = {file: file.read_bytes() for file in CaseFiles(folder).solved}
     removed(folder)
     assert restore(case, folder, recovery)["status"] == "converged"
-    assert {name: (folder / name).read_bytes() for name in RESULT_FILES} == before
+    assert {file: file.read_bytes() for file in CaseFiles(folder).solved} == before
     removed(folder)
     assert restore(case, folder, recovery), "as often as it is broken off"
 
@@ -399,4 +397,4 @@ def test_what_is_not_what_is_asked_for_is_not_put_back(written, change):
     else:
         (aside / "status.json").unlink()
     assert restore(case, folder, recovery) is None
-    assert not any((folder / name).exists() for name in RESULT_FILES)
+    assert not any(file.exists() for file in CaseFiles(folder).solved)

@@ -9,6 +9,7 @@ import json
 import os
 import re
 import resource
+import shutil
 import time
 from pathlib import Path
 
@@ -22,7 +23,7 @@ from limo.cases.plan import make_plan
 from limo.cases.solved import solved_cases
 from limo.config.load import load_config
 from limo.config.yaml_file import parse, read_yaml
-from limo.datasets.study import _read_case
+from limo.datasets.study import read_case
 from limo.engines.calculix.frd import FrdFile
 from limo.engines.calculix.sta import read_sta
 from limo.errors import ConfigError, LimoError, ResultError
@@ -31,6 +32,7 @@ from limo.schema.reliability import StressTest
 from limo.schema.solver import Recovery
 from limo.schema.study import Study
 from limo.store.files import read_json, write_json
+from limo.store.results import CaseFiles
 from limo.terminal.inspection import CaseFolder, show_case
 from limo.terminal.status import case_status
 
@@ -138,9 +140,10 @@ def test_file_names_that_are_no_names_are_refused(root, tmp_path, name):
     (tmp_path / "devices").symlink_to(root / "config/devices")
     (tmp_path / "studies").mkdir()
     (tmp_path / "studies" / name).write_text("x: 1\n")
+    shutil.copy(root / "config/studies/pressure_volume.yaml", tmp_path / "studies")
     (tmp_path / "config.yaml").write_text((root / "config/config.yaml").read_text())
-    with pytest.raises(ConfigError, match="file name"):
-        load_config(tmp_path / "config.yaml")
+    with pytest.raises(LimoError, match="file name"):
+        load_config(tmp_path / "config.yaml", strict=True)
 
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -238,6 +241,6 @@ def test_any_bytes_as_volumes(make_case, tmp_path, content, magic):
     case = make_case()
     write_json(tmp_path / "status.json", {"status": "converged", "reason": ""})
     (tmp_path / "volumes.nc").write_bytes(magic + content)
-    status, values = _read_case(case, tmp_path, np.linspace(0, 60, 5))
-    assert (status["status"], values) == ("missing", {})
-    assert status["reason"]
+    status, values = read_case(case, CaseFiles(tmp_path), np.linspace(0, 60, 5))
+    assert (status.status, values) == ("missing", {})
+    assert status.reason

@@ -17,13 +17,18 @@ from pydantic import TypeAdapter
 from pydantic.fields import FieldInfo
 
 from limo.cases.grid import study_cases
+from limo.cases.plan import make_plan
+from limo.config import checks as config_checks
+from limo.config import project as config_project
 from limo.config.json_schemas import json_schemas
-from limo.config.load import load_config
+from limo.config.load import ALL, load_config
+from limo.config.targets import asked_studies
 from limo.config.yaml_file import read_yaml
-from limo.errors import ConfigError
+from limo.errors import ConfigError, LimoError
 from limo.schema.numerics import Mesh
 from limo.schema.section import Section
 from limo.schema.study import Study
+from limo.store.results import Results
 
 CONFIG, DEVICE, STUDY, AIRBAG = "config.yaml", "devices/limo.yaml", "studies/pressure_volume.yaml", "airbags/classical.yaml"
 AXES, PATTERN = ("axes",), ("pattern",)
@@ -65,7 +70,7 @@ def edit(file: Path, path, value):
 
 def error_of(folder):
     with pytest.raises(ConfigError) as caught:
-        load_config(folder / CONFIG)
+        load_config(folder / CONFIG, strict=True)
     return caught.value
 
 
@@ -227,7 +232,7 @@ def test_the_example_in_a_message_mends_the_mistake(folder, file, path, value, _
     assert key in path
     edit(folder / file, path[: path.index(key) + 1], good)
     with contextlib.suppress(ConfigError):
-        load_config(folder / CONFIG)
+        load_config(folder / CONFIG, strict=True)
         return
     next_error = error_of(folder)  # the example may ask for another key to follow
     assert key not in next_error.key, str(next_error)
@@ -281,7 +286,7 @@ def test_files_that_cannot_be_read_are_config_errors(folder):
 
 def test_two_files_of_one_name_and_names_that_are_no_names_are_refused(folder):
     shutil.copy(folder / STUDY, folder / "studies/pressure_volume.yml")
-    assert "pressure_volume" in str(error_of(folder))
+    assert "one file for a name" in str(error_of(folder))
     (folder / "studies/pressure_volume.yml").rename(folder / "studies/2-nd.yaml")
     assert "2-nd" in str(error_of(folder))
 
@@ -309,8 +314,9 @@ def test_no_value_anywhere_raises_anything_but_a_config_error(folder, data):
     path = data.draw(st.sampled_from(list(leaves(content))))
     file.write_text(yaml.safe_dump(put(content, path, data.draw(ODD_VALUES))))
     try:
-        with contextlib.suppress(ConfigError):
-            load_config(folder / CONFIG)
+        for strict in (False, True):
+            with contextlib.suppress(LimoError):
+                load_config(folder / CONFIG, strict=strict)
     finally:
         file.write_text(text)
 
@@ -362,7 +368,7 @@ def test_study_overrides_the_default_mesh_and_numerics(folder):
     edit(folder / STUDY, ("mesh",), {"level": "coarse", "symmetry": "full"})
     edit(folder / STUDY, ("numerics",), "paper")
     loaded = load_config(folder / CONFIG)
-    setting = loaded.settings(loaded.studies["pressure_volume"])[""]
+    setting = loaded.settings("pressure_volume")[""]
     assert (setting.mesh.level, setting.mesh.symmetry, setting.preset) == ("coarse", "full", "paper")
     content = loaded.content("pressure_volume")
     assert content["settings"][""]["mesh_level"] == loaded.config.mesh_levels["coarse"].model_dump(mode="json")
@@ -373,13 +379,13 @@ def test_a_preset_stands_for_mesh_numerics_and_engine_that_are_not_stated(folder
     edit(folder / CONFIG, ("presets", "standard"), {"mesh": {"level": "medium"}, "numerics": "paper", "engine": "newton"})
     edit(folder / STUDY, ("preset",), "standard")
     loaded = load_config(folder / CONFIG)
-    setting = loaded.settings(loaded.studies["pressure_volume"])[""]
+    setting = loaded.settings("pressure_volume")[""]
     assert (setting.mesh, setting.preset, setting.engine) == (Mesh(level="medium"), "paper", "newton")
     edit(folder / STUDY, ("mesh",), {"level": "coarse"})
     edit(folder / STUDY, ("engine",), "calculix")
     edit(folder / STUDY, ("variants",), {"fast": {"numerics": "fast"}})
     loaded = load_config(folder / CONFIG)
-    setting = loaded.settings(loaded.studies["pressure_volume"])["fast"]
+    setting = loaded.settings("pressure_volume")["fast"]
     assert (setting.mesh.level, setting.preset, setting.engine) == ("coarse", "fast", "calculix"), "what is stated comes on top"
 
 
@@ -388,7 +394,7 @@ def test_a_configuration_says_what_it_has_otherwise_than_another(folder):
     (folder / "other.yaml").write_text("extends: config.yaml\npreset: reference\n")
     base, other = load_config(folder / CONFIG), load_config(folder / "other.yaml")
     assert other.config.mesh_levels == base.config.mesh_levels
-    (setting,) = other.settings(other.studies["pressure_volume"]).values()
+    (setting,) = other.settings("pressure_volume").values()
     assert (setting.mesh.level, setting.engine) == ("fine", "newton"), "a preset takes the place of what it stands for"
     assert other.branches_of(other.studies["pressure_volume"]) == 1
     (folder / "other.yaml").write_text("extends: config.yaml\nlimits: {jump: 0.5}\n")
@@ -437,7 +443,7 @@ def test_a_preset_of_the_configuration_is_that_of_studies_that_name_none(folder)
     for key in ("mesh", "numerics"):
         edit(folder / CONFIG, (key,), DELETE)
     loaded = load_config(folder / CONFIG)
-    setting = loaded.settings(loaded.studies["pressure_volume"])[""]
+    setting = loaded.settings("pressure_volume")[""]
     assert (setting.mesh.level, setting.preset, setting.engine) == ("fine", "fast", "newton")
     edit(folder / CONFIG, ("preset",), "exact")
     assert "preview, reference, standard" in str(error_of(folder))
@@ -453,6 +459,162 @@ def test_the_same_setting_by_a_preset_and_by_its_parts_is_the_same_case(folder):
     assert [c.case_id for c in study_cases(load_config(folder / CONFIG), "pressure_volume").values()] == [
         c.case_id for c in named.values()
     ]
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# what is asked for, and what is left out
+
+BROKEN = {"colour": "red"}
+
+
+def add(folder, name, **changes):
+    """Another study like the first one."""
+    data = yaml.safe_load((folder / STUDY).read_text()) | changes
+    (folder / f"studies/{name}.yaml").write_text(yaml.safe_dump(data))
+
+
+def test_a_broken_study_that_nothing_asks_for_is_left_out_with_the_same_message(folder):
+    add(folder, "pie", **BROKEN)
+    project = load_config(folder / CONFIG, ["pressure_volume"])
+    assert list(project.studies) == ["pressure_volume"]
+    with pytest.raises(ConfigError) as error:
+        load_config(folder / CONFIG, ["pie"])
+    (warning,) = project.warnings
+    assert warning.endswith(str(error.value))
+    assert "pie" in warning
+    for asked in ([ALL], ["pressure_volume", "nobody", "results/cases/x/status.json"], []):
+        assert list(load_config(folder / CONFIG, asked).broken) == ["studies/pie"]
+    with pytest.raises(ConfigError, match=r"pie\.yaml: colour"):
+        project.require(["pressure_volume", "pie"], "config.yaml", "limo check")
+    with pytest.raises(ConfigError, match=r"pie\.yaml: colour"):
+        project.studies["pie"]
+    with pytest.raises(KeyError):
+        project.studies["nobody"]
+
+
+def test_what_the_configuration_runs_is_asked_for_where_nothing_else_is(folder):
+    edit(folder / STUDY, ("colour",), "red")
+    add(folder, "sound", colour="red")
+    edit(folder / "studies/sound.yaml", ("colour",), DELETE)
+    with pytest.raises(ConfigError, match="colour"):
+        load_config(folder / CONFIG, [ALL])
+    assert list(load_config(folder / CONFIG, ["sound"]).studies) == ["sound"]
+
+
+def test_a_broken_device_breaks_its_studies_and_no_others(folder):
+    add(folder, "small", device="mini_limo", figures=[])
+    add(folder, "mixed", variants={"one": {}, "other": {"device": "mini_limo"}}, figures=[])
+    edit(folder / "devices/mini_limo.yaml", ("patern",), {})
+    project = load_config(folder / CONFIG, [ALL])
+    assert list(project.studies) == ["pressure_volume"]
+    assert set(project.broken) == {"devices/mini_limo", "studies/small", "studies/mixed"}
+    assert len(project.warnings) == 1, "one mistake, one message"
+    for name in ("small", "mixed"):
+        with pytest.raises(ConfigError, match=r"mini_limo\.yaml: patern"):
+            load_config(folder / CONFIG, [name])
+    with pytest.raises(ConfigError, match=r"mini_limo\.yaml: patern"):
+        project.require_device("mini_limo", "limo pattern", "DEVICE", "limo pattern limo 6")
+    with pytest.raises(ConfigError, match="one of: limo"):
+        project.require_device("nobody", "limo pattern", "DEVICE", "limo pattern limo 6")
+
+
+def test_the_stress_test_of_a_broken_device_is_left_out(folder):
+    add(folder, "small", device="mini_limo", figures=[])
+    edit(folder / CONFIG, ("studies",), ["small"])
+    edit(folder / DEVICE, ("patern",), {})
+    project = load_config(folder / CONFIG, [ALL])
+    assert (project.config.stress_test, project.config.scaling) == (None, None)
+    with pytest.raises(ConfigError, match=r"limo\.yaml: patern"):
+        project.require_sound("stress_test")
+    edit(folder / CONFIG, ("stress_test", "device"), "nobody")
+    with pytest.raises(ConfigError, match=r"config\.yaml: stress_test\.device"):
+        load_config(folder / CONFIG)
+
+
+def test_strictness_tells_of_every_mistake_at_once(folder):
+    add(folder, "pie", **BROKEN)
+    add(folder, "cake", device="nobody")
+    edit(folder / AIRBAG, ("colour",), "red")
+    with pytest.raises(LimoError) as error:
+        load_config(folder / CONFIG, strict=True)
+    lines = str(error.value).splitlines()
+    assert len(lines) == 3
+    for name in ("pie.yaml: colour", "cake.yaml: device", "classical.yaml: colour"):
+        assert sum(name in line for line in lines) == 1
+
+
+def test_studies_are_asked_for_by_their_names_their_files_and_rules():
+    results = Results(Path("results"))
+    groups = {"paper": ["a", "b"]}
+    assert asked_studies([], results, groups) == [ALL]
+    assert asked_studies(["paper", "c", "results/studies/d/figures/x.png"], results, groups) == ["a", "b", "c", "d"]
+    assert asked_studies(["results/cases/e/status.json"], results, groups) == ["results/cases/e/status.json"]
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# what a study is for
+
+
+def test_a_role_has_a_subject_and_is_taken_once(folder):
+    add(folder, "finest", role="reference")
+    assert "role and subject together" in error_of(folder).expected
+    add(folder, "finest", role="reference", subject="np10")
+    assert load_config(folder / CONFIG, strict=True).studies["finest"].role == "reference"
+    add(folder, "finest_too", role="reference", subject="np10")
+    error = error_of(folder)
+    assert (error.key, error.value) == ("role", "reference")
+    assert str(folder / "studies/finest.yaml") in error.expected
+
+
+@pytest.mark.parametrize("name", ["reference_np10", "accuracy_np10"])
+def test_a_role_in_a_name_alone_is_refused_with_the_new_spelling(folder, name):
+    role, _, subject = name.partition("_")
+    add(folder, name)
+    if role != "reference":
+        assert name in load_config(folder / CONFIG, strict=True).studies, "without a reference it had no role"
+        add(folder, "finest", role="reference", subject="np10")
+    error = error_of(folder)
+    assert f"role: {role} and subject: {subject} as keys" in error.expected
+    assert error.file == str(folder / f"studies/{name}.yaml")
+    add(folder, name, **yaml.safe_load(error.example.replace(" and ", "\n")))
+    assert load_config(folder / CONFIG, strict=True).studies[name].subject == "np10"
+
+
+def test_what_a_study_is_for_is_no_part_of_its_dataset(folder):
+    before = load_config(folder / CONFIG).content("pressure_volume")
+    edit(folder / STUDY, ("role",), "scatter")
+    edit(folder / STUDY, ("subject",), "np10")
+    assert load_config(folder / CONFIG).content("pressure_volume") == before
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# the project
+
+
+def test_a_project_does_not_change(folder):
+    project = load_config(folder / CONFIG)
+    with pytest.raises(AttributeError):
+        project.builds = {"newton": "other"}
+    for name in ("devices", "studies", "files", "airbags", "builds", "broken"):
+        with pytest.raises(TypeError):
+            getattr(project, name)["other"] = None
+    other = project.with_builds({"calculix": "2.20"})
+    assert (dict(project.builds), dict(other.builds)) == ({}, {"calculix": "2.20"})
+    (before,), (after,) = (study_cases(p, "pressure_volume").values() for p in (project, other))
+    assert (before.build, after.build) == ("", "2.20")
+
+
+def test_each_study_is_resolved_once(folder, monkeypatch):
+    calls = []
+    resolve = config_project.setting_of
+    for module in (config_project, config_checks):
+        monkeypatch.setattr(module, "setting_of", lambda *parts: calls.append(parts) or resolve(*parts))
+    add(folder, "many", variants={"plain": {}, "half": {"mesh": {"symmetry": "front_back"}}}, figures=[])
+    project = load_config(folder / CONFIG).with_builds({"calculix": "2.20"})
+    make_plan(project, folder)
+    project.content("many")
+    assert len(calls) == 3, "two variants and a study without"
+    assert study_cases(project, "many") is study_cases(project, "many")
 
 
 # --------------------------------------------------------------------------------------------------------------------

@@ -9,10 +9,10 @@ import xarray as xr
 from matplotlib.collections import PolyCollection
 
 from limo.cases.grid import cross_checks, study_cases
-from limo.config.project import Loaded
+from limo.config.project import Project
 from limo.datasets.curves import curves
 from limo.datasets.study import gather_study
-from limo.datasets.variables import CASE_DIMS, COORDINATES, CURVE_DIMS, STATUSES, VARIABLES
+from limo.datasets.variables import COORDINATES, CURVE_DIMS, STATUSES, VARIABLES
 from limo.engines.calculix.deck import stage_times
 from limo.errors import ConfigError
 from limo.figures import afterload, pressure_volume, style
@@ -33,7 +33,7 @@ def grid(loaded):
         description="a test", axes={"n_pouches": [4, 6, 8], "ventricular_pressure": [3.8, 13.8]},
         actuation_pressure_max={3.8: 60, 13.8: 100}, pressure_step=2.5, figures=["pressure_volume"],
     )  # fmt: skip
-    return Loaded(loaded.config, loaded.devices, {"grid": study}, loaded.files)
+    return Project(loaded.config, loaded.devices, {"grid": study}, loaded.files)
 
 
 @pytest.fixture(scope="module")
@@ -156,7 +156,7 @@ def test_dataset_round_trip(gathered, tmp_path):
 def test_width_scale_is_a_dimension_where_a_study_varies_it(grid, tmp_path):
     study = grid.studies["grid"]
     axes = study.axes.model_copy(update={"width_scale": [0.8, 1.0], "n_pouches": [8]})
-    wide = Loaded(grid.config, grid.devices, {"wide": study.model_copy(update={"axes": axes})}, grid.files)
+    wide = Project(grid.config, grid.devices, {"wide": study.model_copy(update={"axes": axes})}, grid.files)
     dataset = gather_study(wide, "wide", tmp_path)
     assert dataset.efficiency_90ml.dims[-1] == "width_scale"
     np.testing.assert_array_equal(dataset.width_scale, [0.8, 1.0])
@@ -166,10 +166,10 @@ def test_variants_are_a_dimension_of_names_where_a_study_has_them(grid, gathered
     study = grid.studies["grid"].model_copy(
         update={"variants": {"quarter": Variant(), "half": Variant(mesh={"symmetry": "full"})}}
     )
-    both = Loaded(grid.config, grid.devices, {"both": study}, grid.files)
+    both = Project(grid.config, grid.devices, {"both": study}, grid.files)
     for key, case in study_cases(both, "both").items():
         (tmp_path / case.case_id).mkdir()
-        history_of(case, 10.0 if key[-2] == "half" else None).to_netcdf(tmp_path / case.case_id / "volumes.nc")
+        history_of(case, 10.0 if key.variant == "half" else None).to_netcdf(tmp_path / case.case_id / "volumes.nc")
         status = {"status": "converged", "reason": "", "actuation_pressure_reached": 10.0}
         write_json(tmp_path / case.case_id / "status.json", status)
     dataset = gather_study(both, "both", tmp_path)
@@ -216,7 +216,7 @@ def further(loaded, tmp_path):
         def up_to(pressure):
             axes = {"n_pouches": [8], "ventricular_pressure": [3.8]}
             study = Study(axes=axes, actuation_pressure_max=pressure, pressure_step=2.5)
-            return Loaded(loaded.config, loaded.devices, {"s": study}, loaded.files)
+            return Project(loaded.config, loaded.devices, {"s": study}, loaded.files)
 
         (case,) = study_cases(up_to(60.0), "s").values()
         folder = tmp_path / case.case_id
@@ -333,7 +333,7 @@ def test_measured_curves_keep_gaps_and_refuse_other_tables(tmp_path):
 
 def test_branches_and_cross_checks_have_their_places(grid, tmp_path):
     study = grid.studies["grid"].model_copy(update={"branches": 2, "cross_check": 1, "engine": "newton"})
-    both = Loaded(grid.config, grid.devices, {"both": study}, grid.files)
+    both = Project(grid.config, grid.devices, {"both": study}, grid.files)
     twins = cross_checks(both, "both")
     for case in (*study_cases(both, "both").values(), *twins.values()):
         target = tmp_path / case.case_id
@@ -352,8 +352,8 @@ def test_branches_and_cross_checks_have_their_places(grid, tmp_path):
         bands = [c for axis in figure.axes for c in axis.collections if isinstance(c, PolyCollection)]
         assert len(bands) == 3 * dataset.case_status.isel(branch=0).size, "of both volumes and of the ratio, for each case"
         style.close(figure)
-    (place,) = [dict(zip(CASE_DIMS, key, strict=True)) for key in twins]
-    checked = dataset.sel(n_pouches=place["n_pouches"], ventricular_pressure=place["ventricular_pressure"], branch=0).squeeze()
+    (point,) = twins
+    checked = dataset.sel(n_pouches=point.n_pouches, ventricular_pressure=point.ventricular_pressure, branch=0).squeeze()
     assert float(checked.check_stroke_difference) == pytest.approx(0.1 / 1.1, rel=1e-6)
     assert float(checked.check_rest_difference) == pytest.approx(400 / 410 - 1, rel=1e-6)
     assert str(checked.check_status.values) == "calculix converged"

@@ -9,7 +9,7 @@ import xarray as xr
 import yaml
 
 from limo.cases.grid import study_cases
-from limo.config.builds import find_engines
+from limo.config.builds import with_found_builds
 from limo.config.load import load_config
 from limo.datasets.shapes import gather_shapes
 from limo.datasets.study import gather_study
@@ -92,9 +92,8 @@ def test_figures_come_from_the_gallery_alone(project):
 
 def solve(project, branch, **changes):
     """Put a result of one branch of the study into the project's results; ``changes`` to its status."""
-    loaded = load_config("config/config.yaml")
-    find_engines(loaded, "config/config.yaml")
-    (case,) = (c for key, c in study_cases(loaded, "one").items() if key[-1] == branch)
+    loaded, _ = with_found_builds(load_config("config/config.yaml"), "config/config.yaml")
+    (case,) = (c for point, c in study_cases(loaded, "one").items() if point.branch == branch)
     folder = project / "results/cases" / case.case_id
     folder.mkdir(parents=True)
     history_of(case).to_netcdf(folder / "volumes.nc")
@@ -197,8 +196,8 @@ def test_a_set_that_cannot_be_is_one_message(project, capsys):
 
 
 def test_what_the_error_studies_keep_does_not_count(project, monkeypatch):
-    loaded, folder = load_config("config/config.yaml"), project / "gallery"
-    find_engines(loaded, "config/config.yaml")
+    loaded, _ = with_found_builds(load_config("config/config.yaml"), "config/config.yaml")
+    folder = project / "gallery"
     (folder / "data").mkdir(parents=True)
     (folder / "data/accuracy.nc").write_bytes(bytes(200_000))
     monkeypatch.setattr(gallery, "LARGEST_DATA", 150_000)

@@ -5,7 +5,7 @@ import pytest
 
 from limo.cases.grid import study_cases
 from limo.cases.plan import make_plan
-from limo.config.project import Loaded
+from limo.config.project import Project
 from limo.errors import ResultError
 from limo.reports.overhead import COLUMNS, read_overhead
 from limo.reports.performance import measurements, read_measurements, record, report
@@ -20,7 +20,7 @@ def measured(loaded, tmp_path):
     study = Study(
         description="a change", axes={"n_pouches": [4, 6], "ventricular_pressure": [3.8]}, actuation_pressure_max=60,
     )  # fmt: skip
-    one = Loaded(loaded.config, loaded.devices, {"base": study}, loaded.files)
+    one = Project(loaded.config, loaded.devices, {"base": study}, loaded.files)
     case = next(iter(study_cases(one, "base").values()))
     folder = tmp_path / "cases" / case.case_id
     folder.mkdir(parents=True)

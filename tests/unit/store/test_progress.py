@@ -11,10 +11,12 @@ import pytest
 from limo.errors import LimoError
 from limo.store import progress
 from limo.store.progress import report, solving, solving_since
+from limo.store.results import CaseFiles
 
 HOLD = """
 import sys, time
 from pathlib import Path
+from limo.store.results import CaseFiles
 from limo.store.progress import solving
 with solving(Path(sys.argv[1])):
     print("held", flush=True)
@@ -54,7 +56,7 @@ def test_a_case_that_nobody_began_is_not_solved(tmp_path):
 
 
 def test_reports_are_kept_while_a_case_is_solved_and_not_too_often(tmp_path, monkeypatch):
-    file = tmp_path / progress.FILE
+    file = CaseFiles(tmp_path).progress
     report(iterations=0)
     with solving(tmp_path):
         report(iterations=1)
@@ -87,4 +89,4 @@ def test_a_case_can_be_solved_where_the_file_system_has_no_locks(tmp_path, monke
     with solving(tmp_path):
         report(iterations=1)
         assert not (tmp_path / "lock").exists()
-    assert (tmp_path / progress.FILE).exists()
+    assert (CaseFiles(tmp_path).progress).exists()

@@ -9,7 +9,7 @@ import pytest
 
 from limo.cases.case import describe
 from limo.cases.grid import study_cases
-from limo.config.builds import find_engines
+from limo.config.builds import with_found_builds
 from limo.config.load import load_config
 from limo.errors import LimoError
 from limo.store.files import write_json
@@ -32,8 +32,7 @@ def results(root, tmp_path, monkeypatch):
         "engine: newton\naxes: {n_pouches: [4], ventricular_pressure: [3.8]}\nactuation_pressure_max: 60\n"
     )
     monkeypatch.chdir(tmp_path)
-    loaded = load_config(CONFIG)
-    find_engines(loaded, CONFIG)
+    loaded, _ = with_found_builds(load_config(CONFIG), CONFIG)
     (case,) = study_cases(loaded, "pressure_volume").values()
     folder = tmp_path / "results"
     for name in (case.case_id, UNUSED):

@@ -13,7 +13,7 @@ from rich.console import Console
 from limo.cases.case import describe
 from limo.cases.cost import seconds_left, share_done
 from limo.cases.plan import make_plan
-from limo.config.project import Loaded
+from limo.config.project import Project
 from limo.engines.calculix.deck import stage_times
 from limo.schema.study import Study
 from limo.store.files import write_json
@@ -241,7 +241,7 @@ def test_short_names_tell_cases_apart(make_case):
 def sweep(loaded, tmp_path):
     """Four cases: one that converged, one that runs (while the test looks), one that was killed, one that waits."""
     study = Study(axes={"n_pouches": [4, 6, 8, 10], "ventricular_pressure": [3.8]}, actuation_pressure_max=60, frames=[0])
-    one = Loaded(loaded.config, loaded.devices, {"grid": study}, loaded.files)
+    one = Project(loaded.config, loaded.devices, {"grid": study}, loaded.files)
     plan = make_plan(one, tmp_path)
     cases = list(plan.cases.values())
     end(tmp_path / "cases" / cases[0].case_id, cases[0])
@@ -278,7 +278,7 @@ def test_variants_and_branches_are_named(loaded, tmp_path):
         "varied": Study(axes=axes, actuation_pressure_max=60, variants=thick, branches=2, engine="newton"),
         "plain": Study(axes=axes, actuation_pressure_max=60, engine="newton"),
     }
-    of = Loaded(loaded.config, loaded.devices, studies, loaded.files)
+    of = Project(loaded.config, loaded.devices, studies, loaded.files)
     both = Sweep(of, make_plan(of, tmp_path), ["varied", "plain"], tmp_path, 2)
     statuses = both.look()
     assert [s.variant for s in statuses] == ["thick", "thick, branch 1", "as_it_is", "as_it_is, branch 1"]

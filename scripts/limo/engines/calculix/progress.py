@@ -13,7 +13,7 @@ from limo.errors import ResultError
 from limo.schema.numerics import Numerics
 from limo.schema.section import STAGES
 from limo.store.files import read_json
-from limo.store.progress import NUMERICS
+from limo.store.results import NUMERICS
 
 _ITERATION = re.compile(rb"^\s+\d+\s+\d+\s+\d+\s+\d+\s", re.MULTILINE)
 

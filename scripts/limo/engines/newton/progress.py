@@ -8,12 +8,12 @@ from limo.engines.engine import Place
 from limo.errors import ResultError
 from limo.schema.section import STAGES
 from limo.store.files import finite_number, read_json
-from limo.store.progress import FILE
+from limo.store.results import CaseFiles
 
 
 def place(folder: Path, actuation_pressure_max: float) -> Place | None:
     """How far the last run in the folder of a case came; None while it has reported nothing. P_a in kPa."""
-    file = folder / FILE
+    file = CaseFiles(folder).progress
     try:
         reported = read_json(file)
     except ResultError:

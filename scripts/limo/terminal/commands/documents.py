@@ -23,10 +23,13 @@ def add_page(commands: arguments.Commands) -> None:
 
 
 def write_page_of(chosen: argparse.Namespace) -> None:
+    from limo.config.builds import warn_of_broken
     from limo.config.load import load_config
     from limo.page.write import write_page
 
-    print(write_page(chosen.results, load_config(chosen.config).studies))
+    project = load_config(chosen.config)
+    warn_of_broken(project)
+    print(write_page(chosen.results, project.studies))
 
 
 def add_performance(commands: arguments.Commands) -> None:
@@ -162,7 +165,7 @@ def add_reliability(commands: arguments.Commands) -> None:
 
 
 def _reliability(chosen: argparse.Namespace) -> None:
-    from limo.config.builds import find_engines
+    from limo.config.builds import with_found_builds
     from limo.config.load import load_config
 
     if chosen.doing == "report":
@@ -173,8 +176,7 @@ def _reliability(chosen: argparse.Namespace) -> None:
         write_whole(chosen.document, lambda path: path.write_text(text, encoding="utf-8"))
         draw_band(chosen.data, chosen.document.with_name("reliability_paths.png"))
         return
-    loaded = load_config(chosen.config)
-    find_engines(loaded, chosen.config, strict=True)
+    loaded, _ = with_found_builds(load_config(chosen.config), chosen.config)
     if chosen.doing == "record":
         from limo.reliability.stress_test import record_stress_test
 
