@@ -69,7 +69,7 @@ class Kept:
         """Curves of one case solved again, perturbed and on other meshes, by engine newton."""
         file = self.root / "docs/data/repeatability.csv"
         rows = read_rows(file, "curves", ("kind", "engine", "run", "pressure", "stroke_volume"), dtype={"run": str})
-        return rows[rows.engine == "newton"]
+        return rows[rows.engine.isin(["newton"])]
 
 
 def reference_of(rows: pd.DataFrame) -> pd.Series:
@@ -86,7 +86,7 @@ def grids(kept: Kept) -> dict[tuple[str, str], pd.DataFrame]:
 
 def stock_factor(kept: Kept) -> float:
     """CPU time of CalculiX's stock build over that of the tuned one, for the same deck; NaN where it was not measured."""
-    base = kept.costs[(kept.costs.engine == "calculix") & (kept.costs.variant == "base")].set_index("build").cpu_seconds
+    base = kept.costs[kept.costs.engine.isin(["calculix"]) & (kept.costs.variant == "base")].set_index("build").cpu_seconds
     return float(base["stock"] / base["tuned"]) if {"stock", "tuned"} <= set(base.index) else float("nan")
 
 

@@ -45,7 +45,7 @@ def plan_table(config_file: str, names: Sequence[str], results: Path, cores: int
             *([f"{len(left)} to solve in {duration(sum(costs[c] for c in left))} of CPU time"] if left else []),
         ]
         default = "  (default)" if name in loaded.config.studies else ""
-        lacking = [engine for engine in loaded.engines_of(loaded.studies[name]) if engine not in loaded.builds]
+        lacking = [engine for engine in loaded.engines_of(name) if engine not in loaded.builds]
         lines.append(f"  {name}: {', '.join(parts)}" + default + "".join(f"  (no {engine} here)" for engine in lacking))
     left = together & plan.to_solve
     wall = duration(schedule((costs[c] for c in left), max(cores // loaded.config.solver.threads, 1)))
