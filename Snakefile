@@ -60,7 +60,7 @@ try:
             raise ConfigError("snakemake --config", key, value, expected, f"--config file={CONFIG_FILE}")
     # errors are gathered from all studies that have a role, and nobody knows that of a broken one
     PROJECT = load_config(CONFIG_FILE, ASKED, strict="accuracy" in WORDS)
-    NEEDED = engines_of(PROJECT, ASKED or PROJECT.config.studies)
+    NEEDED = engines_of(PROJECT, ASKED)
     PROJECT, CCX = with_found_builds(PROJECT, CONFIG_FILE, needed=NEEDED)
 except LimoError as error:
     raise WorkflowError(str(error)) from None
