@@ -35,12 +35,12 @@ def settings_of(rows: pd.DataFrame) -> pd.DataFrame:
 def pareto(cost: np.ndarray, error: np.ndarray) -> np.ndarray:
     """Indices of the points that no other beats in both cost and error, cheapest first; NaN are left out."""
     cost, error = np.asarray(cost, float), np.asarray(error, float)
-    best, found = np.inf, []
+    best, front = np.inf, []
     for k in np.lexsort((error, cost)):
         if np.isfinite(cost[k]) and error[k] < best:
             best = error[k]
-            found.append(k)
-    return np.array(found, int)
+            front.append(k)
+    return np.array(front, int)
 
 
 def exponent(size: np.ndarray, cost: np.ndarray) -> tuple[float, float]:
@@ -61,8 +61,8 @@ def richardson(size: np.ndarray, value: np.ndarray, order: float) -> float:
 
 def scatter_row(rows: pd.DataFrame, part: str) -> pd.Series | None:
     """What paths alone make of one device's errors on the finest mesh (``reference``) or the default one (first ``scatter``)."""
-    found = rows[(rows.kind == "scatter") & (rows.part == part)]
-    return found.iloc[0] if len(found) else None
+    scattered = rows[(rows.kind == "scatter") & (rows.part == part)]
+    return scattered.iloc[0] if len(scattered) else None
 
 
 def sizes_of(dataset: xr.Dataset) -> pd.DataFrame:
@@ -75,8 +75,8 @@ def sizes_of(dataset: xr.Dataset) -> pd.DataFrame:
 def scaling_of(rows: pd.DataFrame) -> pd.DataFrame:
     """Converged runs that differ in mesh level and symmetry alone, with ``seconds_per_iteration``."""
     plain = rows.varied.isin(["", "level", "symmetry", "level, symmetry"])
-    found = rows[(rows.kind == "run") & (rows.status == "converged") & plain]
-    return found.assign(seconds_per_iteration=found.cpu_seconds / found.iterations)
+    timed = rows[(rows.kind == "run") & (rows.status == "converged") & plain]
+    return timed.assign(seconds_per_iteration=timed.cpu_seconds / timed.iterations)
 
 
 def models_of(runs: pd.DataFrame, sizes: pd.DataFrame) -> pd.DataFrame:
