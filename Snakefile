@@ -8,6 +8,7 @@ from snakemake.logging import logger
 sys.path.insert(0, str(Path(workflow.basedir) / "scripts"))
 
 from limo.airbag import RUN_CODE, run_content, runs_of
+from limo.bench import TENSILE_CODE
 from limo.case import (
     EXPORT_CODE,
     FIELD_CODE,

@@ -66,6 +66,29 @@ def make_parser() -> argparse.ArgumentParser:
         made.set_defaults(run=run)
         yield made
 
+    says = "fit Young's modulus to tensile tests: a table of specimens, the fit with its window and errors, a picture"
+    with command(
+        _tensile, "tensile", says,
+        "config/measured/uniaxial_synthetic.csv --length 200 --width 50 --thickness 0.19",
+        "a.csv b.csv --length 100 --width 15 --thickness 0.06 --set units.force=kN --json", "--into limo",
+    ) as made:  # fmt: skip
+        made.add_argument("files", nargs="*", type=Path, metavar="FILE", help="(default: tensile_test of the configuration)")
+        for size in ("length", "width", "thickness"):
+            made.add_argument(f"--{size}", type=float, metavar="MM", help="of the coupon")
+        made.add_argument("--method", choices=("found", "window", "paper"), help="of the fit (default: found)")
+        made.add_argument("--window", nargs=2, type=float, metavar="STRAIN", help="lowest and highest strain of the fit")
+        made.add_argument(
+            "--set",
+            action="append",
+            default=[],
+            metavar="KEY=VALUE",
+            help="any other key of docs/bench.md, such as units.force=kN",
+        )
+        made.add_argument("--json", action="store_true", help="print JSON for machines; youngs_modulus is in MPa")
+        made.add_argument("--picture", type=Path, metavar="FILE", help="default: results/tensile/FILE.png")
+        made.add_argument("--into", metavar="DEVICE", help="write the modulus into a file in config/devices, with its origin")
+        _config(made)
+        _results(made)
     says = "validate the configuration, say what is solved and how long the rest will take, run nothing"
     with command(_check, "check", says, "", "pressure_volume afterload --cores 8", "afterload --draw svg --mesh") as made:
         _studies(made)
@@ -261,6 +284,21 @@ def _check(chosen: argparse.Namespace) -> None:
 
         for file in draw_studies(chosen.config, chosen.studies, chosen.results, chosen.draw, chosen.mesh):
             print(f"  drawn: {file}")
+
+
+def _tensile(chosen: argparse.Namespace) -> None:
+    from limo.bench.command import put_into, run_tensile, tensile_text, test_of
+
+    if chosen.files:
+        keys = {key: getattr(chosen, key) for key in ("length", "width", "thickness", "method", "window")}
+        test = test_of(chosen.files, keys, chosen.set)
+    else:
+        from limo.config import load_config
+
+        test = load_config(chosen.config).config.tensile_test
+    fit, picture = run_tensile(test, chosen.results / "tensile", picture=chosen.picture, stated=bool(chosen.files))
+    device = put_into(fit, chosen.config, chosen.into) if chosen.into else None
+    print(tensile_text(fit, picture, device, as_json=chosen.json))
 
 
 def _new_study(chosen: argparse.Namespace) -> None:

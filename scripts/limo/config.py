@@ -17,10 +17,12 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
 import yaml
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import ConfigDict, Field, ValidationError, field_validator, model_validator
 
+from limo.bench.schema import MeasuredCurves, TensileTest
 from limo.errors import ConfigError
-from limo.figures import FIGURES, NEEDS, SHAPES
+from limo.figures import FIGURES, MEASURED, NEEDS, SHAPES
+from limo.section import Section
 
 Element = Literal["S8", "S8R", "C3D20", "C3D20R"]
 Engine = Literal["calculix", "newton"]
@@ -40,21 +42,6 @@ NAME = r"^[A-Za-z][A-Za-z0-9_]*$"
 FILE = r"^[\w-]+\.ya?ml$"
 #: keys of a configuration that a preset stands for
 PRESET_KEYS = ("engine", "mesh", "numerics", "branches")
-
-
-class Section(BaseModel):
-    """A part of the configuration: unknown keys are refused, values are immutable."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-    @field_validator("*", mode="before")
-    @classmethod
-    def _no_truth_values(cls, value: Any) -> Any:
-        """No key of the configuration is yes or no, and ``True`` must not pass for 1."""
-        for item in value if isinstance(value, list) else [value]:
-            if isinstance(item, bool):
-                raise ValueError("a number or text, not yes or no")
-        return value
 
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -149,6 +136,14 @@ class Material(Elastic):
     """St. Venant-Kirchhoff fabric (paper, *Constitutive modeling*)."""
 
     areal_density: float = Field(gt=0, le=1e4, description="mass per area in g/m^2", examples=[170.0])
+    # says nothing that a result depends on: no name of a case is made of it
+    modulus_origin: str | None = Field(
+        None,
+        exclude=True,
+        min_length=3,
+        description="where youngs_modulus comes from; limo tensile --into writes both",
+        examples=["tensile test mine.csv, method found, +- 0.6 MPa"],
+    )
 
 
 class Pattern(Section):
@@ -682,10 +677,14 @@ class Study(Section):
     figures: list[Annotated[str, Field(pattern=NAME)]] = Field(
         default=[], description="figures to draw", examples=[["pressure_volume"]]
     )
-    measured: str | None = Field(
+    measured: str | MeasuredCurves | None = Field(
         None,
-        description="CSV of measured curves to lay over the figure, a path from the project's root",
-        examples=["config/measured/arfaee2025.csv"],
+        description="file of measured curves to lay over figures and to compare with, a path from the project's root; or "
+        "with keys of what it does not say itself (docs/bench.md)",
+        examples=[
+            "config/measured/arfaee2025.csv",
+            {"data": "config/measured/mine.csv", "units": {"actuation_pressure": "mmHg"}},
+        ],
     )
 
     @field_validator("frames", "fields_at")
@@ -730,6 +729,11 @@ class Study(Section):
         return round(value, 6) if 0 <= value <= maximum else None
 
     @property
+    def measured_curves(self) -> MeasuredCurves | None:
+        """Its measured curves, however they are given."""
+        return MeasuredCurves(data=self.measured) if isinstance(self.measured, str) else self.measured
+
+    @property
     def uses_frames(self) -> bool:
         """Whether something is computed from displacements: an output beyond volumes, or surfaces for a figure."""
         return bool(self.measures) or any(figure in SHAPES for figure in self.figures)
@@ -738,20 +742,6 @@ class Study(Section):
     def measures(self) -> tuple[str, ...]:
         """The outputs beyond volumes, in one order."""
         return tuple(o for o in OUTPUTS[1:] if o in self.outputs)
-
-
-class TensileTest(Section):
-    """A tensile test of the fabric (paper, *Material model calibration*); devices state their moduli themselves."""
-
-    data: str = Field(
-        "config/measured/uniaxial_synthetic.csv",
-        description="CSV with the columns elongation (mm) and force (N), a path from the project's root",
-        examples=["config/measured/uniaxial_synthetic.csv"],
-    )
-    length: float = Field(200.0, gt=0, description="of the coupon in mm, l_0", examples=[200.0])
-    width: float = Field(50.0, gt=0, description="of the coupon in mm, w_0", examples=[50.0])
-    thickness: float = Field(0.19, gt=0, description="of the coupon in mm, t_0", examples=[0.19])
-    largest_strain: float = Field(0.1, gt=0, le=1, description="nominal strain below which points are fitted", examples=[0.1])
 
 
 Even = Annotated[int, Field(ge=2, le=16, multiple_of=2)]
@@ -1094,6 +1084,7 @@ class Loaded:
         sections["settings"] = {
             name: {
                 "device": setting.device.model_dump(mode="json"),
+                **({"modulus_origin": origin} if (origin := setting.device.material.modulus_origin) else {}),
                 "mesh": setting.mesh.model_dump(mode="json"),
                 "mesh_level": self.config.mesh_levels[setting.mesh.level].model_dump(mode="json"),
                 "numerics": setting.numerics.model_dump(mode="json"),
@@ -1326,8 +1317,7 @@ def _check_study(loaded: Loaded, path: Path, study: Study, cut: set[tuple[str, f
         if (needed := NEEDS.get(figure, "volumes")) not in ("volumes", *study.outputs):
             expected = f"{needed} among them, which the figure {figure} shows"
             raise ConfigError(path, "outputs", study.outputs, expected, f"outputs: [volumes, {needed}]")
-    if study.measured and not Path(study.measured).is_file():
-        raise ConfigError(path, "measured", study.measured, "a readable CSV file", "measured: config/measured/arfaee2025.csv")
+    _check_measured(path, study)
     for pressure in study.axes.ventricular_pressure:
         try:
             maximum = study.maximum_for(pressure)
@@ -1360,6 +1350,18 @@ def _check_study(loaded: Loaded, path: Path, study: Study, cut: set[tuple[str, f
                     pattern = device.pattern.model_copy(update={"width_scale": scale})
                     flat_pattern(pattern, n_pouches, loaded.files[f"devices/{name}"])
                     cut.add((name, scale, n_pouches))
+
+
+def _check_measured(path: Path, study: Study) -> None:
+    """Measured curves of a study must be there, and one of its figures at least must show them."""
+    if study.measured is None:
+        return
+    file = study.measured_curves.data
+    if not Path(file).is_file():
+        raise ConfigError(path, "measured", file, "a readable CSV file", "measured: config/measured/arfaee2025.csv")
+    if study.figures and not set(study.figures) & set(MEASURED):
+        expected = f"one of {', '.join(MEASURED)} among them: the others have no axes for the measured curves of the study"
+        raise ConfigError(path, "figures", study.figures, expected, f"figures: [{MEASURED[0]}]")
 
 
 def _check_setting(loaded: Loaded, path: Path, study: Study, prefix: str, setting: Setting) -> None:

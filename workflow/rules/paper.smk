@@ -16,11 +16,12 @@ PAPER = [
 
 rule fit_material:
     input:
-        data=LOADED.config.tensile_test.data,
+        data=LOADED.config.tensile_test.files,
         style=f"{workflow.basedir}/scripts/limo/figures/style.py",
         figure=f"{workflow.basedir}/scripts/limo/figures/tensile_test.py",
     output:
         dataset="results/material/tensile_test.nc",
+        table="results/material/tensile_test.csv",
         png=report("results/material/tensile_test.png", caption="../report/tensile_test.rst", category="material"),
         pdf="results/material/tensile_test.pdf",
     log:
@@ -29,7 +30,7 @@ rule fit_material:
         "../envs/limo.yaml"
     params:
         test=LOADED.config.tensile_test.model_dump(mode="json"),
-        code=code_digest(("material",)),
+        code=code_digest(TENSILE_CODE),
     message:
         "Fit the modulus of the fabric"
     script:

@@ -1,0 +1,24 @@
+"""The files from a laboratory that a configuration names, tried before anything is solved."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from limo.bench.schema import TensileTest
+from limo.bench.tensile import fit_tensile, with_error
+from limo.config import Loaded
+
+
+def check_files(loaded: Loaded, names: Iterable[str]) -> list[str]:
+    """A line each about the tensile test and the measured curves of studies. Raises ``ConfigError`` for the first mistake.
+
+    The tensile test that ships with the project is looked at where it is there; one that the configuration states must be.
+    """
+    test, lines = loaded.config.tensile_test, []
+    if test != TensileTest() or all(Path(file).exists() for file in test.files):
+        fit = fit_tensile(test)
+        count = f"{len(fit.lines)} specimens" if len(fit.lines) > 1 else "one specimen"
+        files, synthetic = ", ".join(test.files), "synthetic, " if fit.reading.synthetic else ""
+        lines.append(f"  tensile test {files}: {synthetic}{count}, E = {with_error(fit.modulus, fit.error)} MPa")
+    return lines
