@@ -8,7 +8,7 @@ from snakemake.logging import logger
 sys.path.insert(0, str(Path(workflow.basedir) / "scripts"))
 
 from limo.airbag import RUN_CODE, run_content, runs_of
-from limo.bench import TENSILE_CODE
+from limo.bench import CURVE_CODE, TENSILE_CODE
 from limo.case import (
     EXPORT_CODE,
     FIELD_CODE,
@@ -42,6 +42,10 @@ try:
             raise ConfigError("snakemake --config", key, value, expected, f"--config file={CONFIG_FILE}")
     LOADED = load_config(CONFIG_FILE)
     CCX = find_engines(LOADED, CONFIG_FILE)
+    if workflow.is_main_process and any(study.measured for study in LOADED.studies.values()):
+        from limo.bench.check import check_curves
+
+        check_curves(LOADED, LOADED.studies)
 except LimoError as error:
     raise WorkflowError(str(error)) from None
 

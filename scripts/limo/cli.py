@@ -89,6 +89,15 @@ def make_parser() -> argparse.ArgumentParser:
         made.add_argument("--into", metavar="DEVICE", help="write the modulus into a file in config/devices, with its origin")
         _config(made)
         _results(made)
+    says = "compare a study with measured curves: what was understood of them, relative errors by N_p, efficiencies"
+    with command(
+        _measured, "measured", says, "mine", "pressure_volume --data mine.csv --set units.actuation_pressure=mmHg"
+    ) as made:
+        made.add_argument("study", metavar="STUDY", help="a study by name")
+        made.add_argument("--data", type=Path, metavar="FILE", help="other curves than those the study names")
+        made.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="a key of docs/bench.md, with --data")
+        _config(made)
+        _results(made)
     says = "validate the configuration, say what is solved and how long the rest will take, run nothing"
     with command(_check, "check", says, "", "pressure_volume afterload --cores 8", "afterload --draw svg --mesh") as made:
         _studies(made)
@@ -299,6 +308,16 @@ def _tensile(chosen: argparse.Namespace) -> None:
     fit, picture = run_tensile(test, chosen.results / "tensile", picture=chosen.picture, stated=bool(chosen.files))
     device = put_into(fit, chosen.config, chosen.into) if chosen.into else None
     print(tensile_text(fit, picture, device, as_json=chosen.json))
+
+
+def _measured(chosen: argparse.Namespace) -> None:
+    from limo.bench.command import curves_of
+    from limo.bench.compare import measured_table
+    from limo.config import load_config
+
+    loaded = load_config(chosen.config)
+    loaded.require([chosen.study], chosen.config, "limo measured pressure_volume")
+    print(measured_table(loaded, chosen.study, chosen.results, curves_of(chosen.data, chosen.set)))
 
 
 def _new_study(chosen: argparse.Namespace) -> None:

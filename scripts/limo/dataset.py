@@ -173,6 +173,10 @@ def gather_study(loaded: Loaded, name: str, case_folder: Path, sources: Sequence
     if study.measures:
         measured = gather_measures(loaded, name, cases, coords, case_folder, source)
         dataset = dataset.merge(measured).assign_attrs(measured.attrs)
+    if study.measured is not None:
+        from limo.bench.compare import with_comparison  # it knows datasets itself
+
+        dataset = with_comparison(dataset, loaded, name)
     return on_axes(describe_axes(dataset), study)
 
 

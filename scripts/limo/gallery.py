@@ -19,13 +19,13 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
+from limo.bench.compare import study_curves
 from limo.config import Loaded, load_config
 from limo.cost import duration
 from limo.dataset import absent, at_end, completed, gather_study
 from limo.engines.find import find_engines
 from limo.errors import LimoError
 from limo.figures import SHAPES, style, tensile_test
-from limo.figures.measured import read_measured
 from limo.files import write_netcdf, write_whole
 from limo.judge import USABLE
 from limo.plan import Plan, make_plan
@@ -130,7 +130,8 @@ def draw(loaded: Loaded, studies: Iterable[str], gallery: Path, results: Path | 
     for name in named or _kept(loaded, gallery):
         dataset, study = _read(gallery / "data" / f"{name}.nc"), loaded.studies[name]
         shapes = _shapes(loaded, name, gallery, results) if set(study.figures) & set(SHAPES) else None
-        measured = read_measured(Path(study.measured)) if study.measured else None
+        curves = study_curves(loaded, name)
+        measured = None if curves is None else curves.table
         for figure in study.figures:
             file = f"{name}_{figure}.png"
             surfaces = [shapes] if figure in SHAPES else []

@@ -13,7 +13,7 @@ from limo.config import RULES, load_config
 
 COMMANDS = (
     "check", "new-study", "pattern", "status", "sweep", "show", "compare", "table", "benchmark", "performance", "clean",
-    "completion", "paper-check", "gallery", "page", "accuracy", "reliability", "tensile",
+    "completion", "paper-check", "gallery", "page", "accuracy", "reliability", "tensile", "measured",
 )  # fmt: skip
 
 

@@ -69,6 +69,18 @@ def study_content(wildcards):
     return digest(content)
 
 
+def measured_file(wildcards):
+    """The measured curves of a study, nothing where it has none."""
+    measured = LOADED.studies[wildcards.study].measured_curves
+    return measured.data if measured else []
+
+
+def measured_content(wildcards):
+    """What is said of the measured curves of a study, and the code that reads and compares them."""
+    measured = LOADED.studies[wildcards.study].measured_curves
+    return digest([measured.model_dump(mode="json"), code_digest(CURVE_CODE)]) if measured else ""
+
+
 def study_sources(wildcards):
     """Ids of the cases that serve a study, in the order of its grid, and of those it is compared with."""
     return list(PLAN.served[wildcards.study].values())

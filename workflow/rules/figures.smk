@@ -2,8 +2,8 @@ rule draw_figure:
     input:
         dataset="results/studies/{study}/study.nc",
         shapes=lambda wildcards: f"results/studies/{wildcards.study}/shapes.nc" if wildcards.figure in SHAPES else [],
-        measured=lambda wildcards: LOADED.studies[wildcards.study].measured or [],
-        style=f"{workflow.basedir}/scripts/limo/figures/style.py",
+        measured=measured_file,
+        style=expand(f"{workflow.basedir}/scripts/limo/figures/{{name}}.py", name=["style", "overlay"]),
         pictures=lambda wildcards: (
             expand(f"{workflow.basedir}/scripts/limo/figures/{{name}}.py", name=["pictures", "render", "surface"])
             if wildcards.figure in SHAPES
@@ -25,6 +25,7 @@ rule draw_figure:
         "../envs/limo.yaml"
     params:
         caption=caption,
+        measured=measured_content,
     message:
         "Draw {wildcards.figure} of {wildcards.study}"
     script:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
+from limo.bench.compare import study_curves
 from limo.bench.schema import TensileTest
 from limo.bench.tensile import fit_tensile, with_error
 from limo.config import Loaded
@@ -21,4 +22,14 @@ def check_files(loaded: Loaded, names: Iterable[str]) -> list[str]:
         count = f"{len(fit.lines)} specimens" if len(fit.lines) > 1 else "one specimen"
         files, synthetic = ", ".join(test.files), "synthetic, " if fit.reading.synthetic else ""
         lines.append(f"  tensile test {files}: {synthetic}{count}, E = {with_error(fit.modulus, fit.error)} MPa")
+    return lines + check_curves(loaded, names)
+
+
+def check_curves(loaded: Loaded, names: Iterable[str]) -> list[str]:
+    """The same about the measured curves alone."""
+    lines = []
+    for name in names:
+        if (curves := study_curves(loaded, name)) is not None:
+            lines.append(f"  measured curves of {name}: {curves.understood[-1]}")
+            lines += [f"    {said}" for said in curves.understood if any(word in said for word in ("assumed", "taken", "beyond"))]
     return lines

@@ -10,7 +10,7 @@ from typing import Any
 
 import yaml
 
-from limo.bench.schema import SIZES, TensileTest
+from limo.bench.schema import SIZES, MeasuredCurves, TensileTest
 from limo.bench.tensile import Fit, fit_tensile, report, tensile_dataset, to_json
 from limo.errors import ConfigError, LimoError
 
@@ -24,7 +24,27 @@ def test_of(files: Sequence[Path], keys: dict[str, Any], settings: Iterable[str]
     """
     from limo.config import parse
 
-    data: dict[str, Any] = {"data": [str(f) for f in files]} | {k: v for k, v in keys.items() if v is not None}
+    data = _with_settings({"data": [str(f) for f in files]} | {k: v for k, v in keys.items() if v is not None}, settings)
+    if "window" in data:
+        data.setdefault("method", "window")
+    return parse(TensileTest, data, Path(_COMMAND))
+
+
+def curves_of(file: Path | None, settings: Sequence[str]) -> MeasuredCurves | None:
+    """Measured curves by the words of a command; None where it names no file. Raises ``ConfigError`` for what is none."""
+    from limo.config import parse
+
+    if file is None:
+        if settings:
+            raise ConfigError(
+                "limo measured", "--set", settings[0], "--data with it; a study has its keys in its own file", "--data mine.csv"
+            )
+        return None
+    return parse(MeasuredCurves, _with_settings({"data": str(file)}, settings), Path("limo measured"))
+
+
+def _with_settings(data: dict[str, Any], settings: Iterable[str]) -> dict[str, Any]:
+    """Keys with settings such as ``units.force=kN`` put in their places."""
     for setting in settings:
         name, equals, text = setting.partition("=")
         if not equals:
@@ -35,9 +55,7 @@ def test_of(files: Sequence[Path], keys: dict[str, Any], settings: Iterable[str]
             data[first] = (data[first] if isinstance(data.get(first), dict) else {}) | {inner: value}
         else:
             data[first] = value
-    if "window" in data:
-        data.setdefault("method", "window")
-    return parse(TensileTest, data, Path(_COMMAND))
+    return data
 
 
 def _value(text: str) -> Any:

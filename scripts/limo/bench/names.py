@@ -141,53 +141,64 @@ TENSILE = Vocabulary(
 # --------------------------------------------------------------------------------------------------------------------
 # measured curves
 
-_OF_POUCHES = r"\b(actuat\w*|pouch|pouches|inflation|inflate\w*|input|in|bag|supply|a|pa|va|dva)\b"
-_OF_VENTRICLE = r"\b(ventric\w*|stroke|output|out|chamber|eject\w*|heart|after ?load|v|pv|vv|dvv|sv)\b"
-_CHANGED = r"\b(delta|changes?|dva|dvv|dv|d|stroke|output|out|eject\w*|sv)\b"
+_OF_POUCHES = r"(actuat\w*|pouch|pouches|inflation|inflate\w*|air|input|in|supply|a|pa|va|dva)"
+_OF_VENTRICLE = r"(ventric\w*|stroke|output|out|chamber|eject\w*|heart|after ?load|v|pv|vv|dvv|sv)"
+_CHANGED = r"(delta|changes?|dva|dvv|dv|d|stroke|output|out|eject\w*|sv)"
+_PRESSURE, _VOLUME = r"(pressure|press|druck|p|pa|pv|after ?load)", r"(volume|vol|volumen|va|vv|dva|dvv|dv|v|sv|stroke)"
 _OTHERS = {
-    "n_pouches": r"\b(n ?p|n ?pouches|number of pouches|no of pouches|pouches)\b",
-    "efficiency": r"\b(efficienc\w*|eta)\b",
-    "time": r"\b(time|zeit|temps|t)\b",
-    "cycle": r"\b(cycles?|loops?|zyklus)\b",
-    "direction": r"\b(direction|phase|branch|loading|richtung)\b",
-    "label": r"\b(label|name|device|bag|sample|specimen|id|curve|series)\b",
+    "n_pouches": r"(n ?p|n ?pouches|number of pouches|no of pouches|pouches)",
+    "efficiency": r"(efficienc\w*|eta)",
+    "time": r"(time|zeit|temps|t)",
+    "cycle": r"(cycles?|loops?|zyklus)",
+    "direction": r"(direction|phase|branch|loading|richtung)",
+    "label": r"(label|name|device|bag|sample|specimen|id|curve|series)",
 }
 _KINDS = {"n_pouches": "", "efficiency": "strain", "time": "time", "cycle": "", "direction": "text", "label": "text"}
+
+
+def _has(words: str, text: str) -> bool:
+    return re.search(rf"\b{words}\b", text) is not None
 
 
 def _curves(text: str) -> tuple[Mapping[str, str], str, str] | None:
     if not text or re.search(r"\b(rate|flow|max|maximum|set ?point|target|command|temp\w*)\b", text):
         return None
-    pressure = re.search(r"\b(pressure|press|druck|p|pa|pv|after ?load)\b", text)
-    volume = re.search(r"\b(volume|vol|volumen|va|vv|dva|dvv|dv|v|sv|stroke)\b", text)
-    if re.search(_OTHERS["n_pouches"], text) and not re.search(r"\b(pressure|volume|vol)\b", text):
-        pressure = volume = None
-    elif pressure and volume and (words := re.findall(r"\b(pressure|volume|vol)\b", text)):
-        pressure, volume = words[-1] == "pressure", words[-1] != "pressure"
-    if pressure and volume:  # P_v is a pressure, V_a a volume: what stands first says which
-        pressure, volume = text[0] == "p", text[0] != "p"
-    ventricle, pouches = re.search(_OF_VENTRICLE, text), re.search(_OF_POUCHES, text)
+    pressure, volume = _has(_PRESSURE, text), _has(_VOLUME, text)
+    if _has(_OTHERS["n_pouches"], text) and not re.search(r"\b(pressure|volume|vol)\b", text):
+        pressure = volume = False
+    if pressure and volume:  # words before letters; P_v is a pressure, V_a a volume: what stands first says which
+        words = re.findall(r"\b(pressure|volume|vol)\b", text)
+        pressure = words[-1] == "pressure" if words else text[0] == "p"
+        volume = not pressure
     if pressure or volume:
-        if ventricle and pouches and not re.search(r"\bp ?v\b|\bv ?a\b", text):
-            return None
-        if pressure:
-            name = "ventricular_pressure" if ventricle and not re.fullmatch(r"p ?a", text) else "actuation_pressure"
-            return {"pressure": name}, name, ""
-        of_pouches = bool(pouches) and not re.fullmatch(r"(delta |d ?)?v ?v", text)
-        changed = bool(re.search(_CHANGED, text))
-        if not of_pouches and not ventricle:
-            return None
-        name = (
-            ("actuation_volume_change" if changed else "actuation_volume")
-            if of_pouches
-            else ("stroke_volume" if changed else "ventricle_volume")
-        )
-        return {"volume": name}, name, ""
+        return _pressure_or_volume(text, pressure)
     for name, words in _OTHERS.items():
-        if re.search(words, text):
+        if _has(words, text):
             kind = _KINDS[name]
             return ({kind: name} if kind in units.WANTED else {}), name, ""
     return None
+
+
+def _pressure_or_volume(text: str, is_pressure: bool) -> tuple[Mapping[str, str], str, str] | None:
+    """Which of them it is, of the pouches or of the ventricle, and absolute or as a change."""
+    ventricle, pouches = _has(_OF_VENTRICLE, text), _has(_OF_POUCHES, text)
+    begins = ("(ventric|stroke|output|out|eject|heart|chamber)", "(actuat|pouch|inflat|air|in)")
+    words = [re.search(rf"\b{w}\w*", text) is not None for w in begins]
+    if ventricle and pouches:  # words before letters again
+        ventricle, pouches = words if any(words) else (_has("(p|v) ?v", text), _has("(p|v) ?a", text))
+        if ventricle == pouches:
+            return None
+    if is_pressure:
+        name = "ventricular_pressure" if ventricle else "actuation_pressure"
+    elif pouches:
+        name = "actuation_volume_change" if _has(_CHANGED, text) else "actuation_volume"
+    elif ventricle:
+        name = "stroke_volume" if _has(_CHANGED, text) else "ventricle_volume"
+    else:
+        return None
+    known = rf"{_PRESSURE}|{_VOLUME}|{_OF_POUCHES}|{_OF_VENTRICLE}|{_CHANGED}|of|the"
+    rest = " ".join(w for w in text.split() if not re.fullmatch(known, w) or (any(words) and len(w) == 1))
+    return {"pressure" if is_pressure else "volume": name}, name, rest
 
 
 CURVES = Vocabulary(
