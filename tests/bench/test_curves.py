@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import os
+
 import numpy as np
 import pytest
 import yaml
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from limo.bench.curves import LOADING, UNLOADING, Expected, _turns, read_curves
 from limo.bench.schema import MeasuredCurves
@@ -141,3 +145,57 @@ def test_n_p_p_v_and_efficiency_come_from_keys_columns_labels_or_the_study(root)
     assert (curves("curves_plain.csv").table.ventricular_pressure == 3.8).all(), "the only one of the study"
     shipped = read_curves(MeasuredCurves(data=str(root / "config/measured/curves_synthetic.csv")), STUDY)
     assert sorted(shipped.table.n_pouches.unique()) == [5, 7, 9, 11]
+
+
+PRESSURE_UNITS = {"kPa": 1.0, "mmHg": 1 / 0.133322387415, "psi": 1 / 6.894757293168, "bar": 0.01, "cmH2O": 1 / 0.0980665}
+VOLUME_UNITS = {"ml": 1.0, "l": 1e-3, "cm³": 1.0, "oz": 1 / 29.5735295625}
+
+
+@settings(
+    max_examples=int(os.environ.get("LIMO_EXAMPLES", "60")), deadline=None, derandomize=True,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)  # fmt: skip
+@given(
+    units=st.tuples(st.sampled_from(sorted(PRESSURE_UNITS)), st.sampled_from(sorted(VOLUME_UNITS))),
+    marks=st.sampled_from([(",", "."), (";", ","), ("\t", ","), ("|", ".")]),
+    shape=st.sampled_from(["points", "loop", "three loops"]),
+    absolute=st.booleans(),
+    header=st.sampled_from(["{} ({})", "{} [{}]", "{} in {}", "row"]),
+    labels=st.integers(1, 3),
+    noise=st.sampled_from([0.0, 0.05]),
+    slope=st.floats(1.5, 4.0),
+)
+def test_known_curves_come_back_from_any_layout(tmp_path, units, marks, shape, absolute, header, labels, noise, slope):
+    up = np.linspace(0, 40, 41)
+    pressure = {"points": up, "loop": np.append(up, up[-2::-1]), "three loops": np.concatenate([up, up[::-1]] * 3)}[shape]
+    rising = np.append(True, np.diff(pressure) > 0)
+    separator, decimal = marks
+    volume = "ventricle volume" if absolute else "stroke volume"
+    named = zip(("actuation pressure", volume), units, strict=True)
+    head = ["label", *(name if header == "row" else header.format(name, unit) for name, unit in named)]
+    lines = [separator.join(head)] + ([separator.join(["", *units])] if header == "row" else [])
+    rng = np.random.default_rng(7)
+    for k in range(labels):
+        stroke = slope * (k + 1) * pressure + np.where(rising, 0.0, 6.0) * (pressure < 40)
+        measured = pressure + rng.normal(0, noise, len(pressure))
+        values = zip(
+            measured * PRESSURE_UNITS[units[0]], (400 - stroke if absolute else stroke) * VOLUME_UNITS[units[1]], strict=True
+        )
+        lines += [separator.join([f"bag {k}", *(f"{v:.7f}".replace(".", decimal) for v in pair)]) for pair in values]
+    file = tmp_path / "mine.csv"
+    file.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    table = read_curves(MeasuredCurves(data=str(file)), STUDY).table
+    assert list(dict.fromkeys(table.label)) == [f"bag {k}" for k in range(labels)]
+    assert table.cycle.max() == (3 if shape == "three loops" else 1)
+    for k, (_, one) in enumerate(table.groupby("label", sort=False)):
+        found = np.polyfit(one.actuation_pressure[one.direction == LOADING], one.stroke_volume[one.direction == LOADING], 1)[0]
+        assert found == pytest.approx(slope * (k + 1), rel=0.02)
+        assert (one.direction == UNLOADING).any() == (shape != "points")
+
+
+@pytest.mark.parametrize("content", [b"", b"\x00" * 40, b"label,actuation_pressure,stroke_volume\n", b"a;b\n1;2\n"])
+def test_what_holds_no_curves_is_one_message(tmp_path, content):
+    file = tmp_path / "mine.csv"
+    file.write_bytes(content)
+    with pytest.raises(ConfigError, match=r"mine\.csv"):
+        read_curves(MeasuredCurves(data=str(file)))

@@ -113,6 +113,7 @@ def test_a_disturbed_point_is_left_out():
         assert line.modulus == pytest.approx(E, rel=1e-6)
         assert not line.used[at]
     assert not disturbed(np.append(E * strain, np.zeros(20))).any(), "a break is none"
+    assert not any(disturbed(np.linspace(0, 20, count)).any() for count in range(9, 40)), "neither is the end of a line"
     assert largest(np.append(E * strain, np.zeros(20))) == 49
 
 

@@ -28,8 +28,8 @@ QUANTITIES = {
 }
 #: pressures that an error is taken over at least
 _FEWEST = 3
-#: highest pressures over P_a,max that are believed where a file names no unit
-_SHORT, _BEYOND = 0.2, 1.5
+#: highest pressures over P_a,max that are believed where a file names no unit, and the highest in kPa beyond P_a,max
+_SHORT, _BEYOND, _HIGHEST = 0.2, 2.2, 140.0
 #: volumes over the cube of a device's length that are believed where a file names no unit
 _SMALLEST, _LARGEST = 0.002, 1.0
 
@@ -40,7 +40,7 @@ def expected_of(loaded: Loaded, study: Study) -> Expected:
     maxima = [study.maximum_for(p) for p in pressures]
     lengths = [setting.device.pattern.length for setting in loaded.settings(study).values()]
     return Expected(
-        (max(min(pressures), _SHORT * min(maxima)), _BEYOND * max(maxima)),
+        (max(min(pressures), _SHORT * min(maxima)), max(min(_BEYOND * max(maxima), _HIGHEST), 1.05 * max(maxima))),
         (_SMALLEST * min(lengths) ** 3 / 1000, _LARGEST * max(lengths) ** 3 / 1000),
         tuple(pressures),
         tuple(study.axes.n_pouches),
@@ -55,7 +55,8 @@ def study_curves(loaded: Loaded, name: str, measured: MeasuredCurves | None = No
         return None
     expected = expected_of(loaded, study)
     curves = read_curves(measured, expected)
-    beyond = int((curves.table.actuation_pressure > expected.pressures[1] / _BEYOND).sum())
+    highest = max(study.maximum_for(p) for p in study.axes.ventricular_pressure)
+    beyond = int((curves.table.actuation_pressure > highest + 1e-6).sum())
     if beyond:
         curves.understood.insert(-1, f"{beyond} of {len(curves.table)} points lie beyond the P_a,max of the study")
     own = curves.table.ventricular_pressure.dropna().unique()
@@ -119,7 +120,9 @@ def _between(references: list[_Reference], count: int, name: str) -> tuple[np.nd
     if count in known:
         return known[count].values[name], False
     if len(known) < 2:
-        raise LookupError(f"measured at N_p = {', '.join(f'{n:g}' for n in known) or 'unknown'} alone")
+        if not known:
+            raise LookupError("N_p of the measurement is unknown: n_pouches says it")
+        raise LookupError(f"measured at N_p = {next(iter(known)):g} alone")
     numbers = np.array(sorted(known))
     at = int(np.clip(np.searchsorted(numbers, count), 1, len(numbers) - 1))
     low, high = numbers[at - 1], numbers[at]

@@ -75,8 +75,9 @@ def disturbed(stress: np.ndarray) -> np.ndarray:
     if len(stress) < 9:
         return np.zeros(len(stress), bool)
     middle = np.median(np.lib.stride_tricks.sliding_window_view(stress, 5), axis=1)
+    spread = np.ptp(middle) * (len(stress) - 1) / (len(stress) - 5)  # medians do not reach the ends of a line
     middle = np.pad(middle, 2, mode="edge")
-    return np.abs(stress - middle) > _DISTURBED * (np.ptp(middle) or 1.0)
+    return np.abs(stress - middle) > _DISTURBED * (spread or 1.0)
 
 
 def largest(stress: np.ndarray) -> int:

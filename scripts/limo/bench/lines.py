@@ -12,7 +12,7 @@ import numpy as np
 from limo.bench import units
 from limo.bench.numbers import Numbers
 from limo.bench.schema import Layout
-from limo.bench.text import Cells, fields_of
+from limo.bench.text import Cells, fields_of, is_number
 from limo.errors import ConfigError
 
 #: lines of words above the numbers that are looked at
@@ -190,15 +190,21 @@ class _Reader:
             elif sizes[owner] > _SMALL_SHARE * sizes[main]:
                 value = ", ".join(filter(None, owner or self.row(start)))[:80]
                 expected = "one table in the file; data_rows says which lines are read"
-                raise ConfigError(self.cells.path, f"line {start + 1}", value, expected, f"data_rows: [{start + 1}, {stop}]")
+                own = [block for block, other in zip(blocks, owners, strict=True) if other == main]
+                example = f"data_rows: [{own[0][0] + 1}, {own[-1][1]}]"
+                raise ConfigError(self.cells.path, f"line {start + 1}", value, expected, example)
             else:
                 notes.append(f"lines {start + 1} to {stop} are another table and left out")
         found_units = [""] * self.width if unit_line is None else self.row(unit_line)
         return Head(names, groups, found_units, line, unit_line, named, read, notes)
 
     def key(self, line: int | None) -> tuple[str, ...] | None:
-        """What tells the names of one table from those of another; None where a line names nothing that is known."""
-        if line is None or self.known(names := self.row(line)) < min(2, len(self.body.numeric)):
+        """What tells the names of one table from those of another; None where a line is rather what a specimen is called."""
+        if line is None:
+            return None
+        names, needed = self.row(line), min(2, len(self.body.numeric))
+        words = [name for name in names if name and not is_number(name)]
+        if self.known(names) < needed and (len(words) < len(self.body.numeric) or _SPECIMEN.search(words[0])):
             return None
         return tuple(name.casefold() for name in names)
 
@@ -213,9 +219,12 @@ class _Reader:
         before = [k for k in self.cells.comments if k < start]
         if not before:
             return None
-        text = re.sub(r"^[^\w\"]*", "", self.cells.comments[max(before)])
-        found = [c.strip() for c in fields_of(text, self.cells.separator)]
-        return found if len(found) == len(self.body.numeric) + len(self.body.texts) else None
+        text = self.cells.comments[max(before)]
+        for line in (text, re.sub(r"^[^\w\"]*", "", text)):  # the mark may be a name of its own, as of row numbers
+            found = [c.strip() for c in fields_of(line, self.cells.separator)]
+            if len(found) == len(self.body.numeric) + len(self.body.texts):
+                return [re.sub(r"^[^\w\"]+(?=\w)", "", found[0]), *found[1:]]
+        return None
 
 
 def _holds_units(texts: list[str]) -> bool:

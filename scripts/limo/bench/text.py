@@ -21,6 +21,11 @@ _SAMPLE, _WIDEST = 120, 2000
 _CLEARLY = 0.85
 #: letters beyond ASCII that names of columns and units have in western Europe, as code page 1252 has them
 _USUAL = set("µ°²³±·×–—‘’“”…€éèêëàâäáåãçñöóòôõøüúùûíìîïßæœÄÖÜÉÈÀÅÇÑØÆ´`«»\xa0")
+#: what a text may begin with to say how it is encoded
+_MARKS = {
+    b"\xef\xbb\xbf": "utf-8-sig", b"\xff\xfe\0\0": "utf-32", b"\0\0\xfe\xff": "utf-32", b"\xff\xfe": "utf-16",
+    b"\xfe\xff": "utf-16",
+}  # fmt: skip
 _NUMBER = re.compile(r"[+\-\u2212]?(?:\d+(?:[.,']\d+)*[.,]?|[.,]\d+)(?:[eE][+-]?\d+)?")
 _WITH_UNIT = re.compile(_NUMBER.pattern + r" ?[A-Za-z%µ]{1,4}")
 _GROUPED = re.compile(r"[+\-\u2212]?\d{1,3}(?:[ \xa0\u202f]\d{3})+(?:[.,]\d+)?")
@@ -86,7 +91,7 @@ def _decoded(path: Path, encoding: str | None) -> tuple[str, str]:
             raise ConfigError(path, "encoding", encoding, f"the encoding of the file ({error})", "encoding: utf-8") from None
     if raw[:4] in (b"PK\x03\x04", b"\xd0\xcf\x11\xe0"):
         raise ConfigError(path, "(file)", "a workbook", "text: save its sheet as CSV", "data: mine.csv")
-    for mark, name in ((b"\xef\xbb\xbf", "utf-8-sig"), (b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16")):
+    for mark, name in _MARKS.items():
         if raw.startswith(mark):
             return _checked(path, raw, name)
     if b"\0" in raw[:4000]:

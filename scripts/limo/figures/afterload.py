@@ -41,7 +41,7 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
     _bars(upper[2], every)
     if measured is not None:
         overlay.bars(upper[2], measured, dataset.n_pouches.values)
-    xlim = (0, float(dataset.actuation_pressure.max()))
+    xlim = (0, overlay.reach(float(dataset.actuation_pressure.max()), measured))
     upper[0].set(xlabel="$P_a$ [kPa]", ylabel="Actuation volume $\\Delta V_a$ [ml]", xlim=xlim)
     upper[1].set(xlabel="$P_a$ [kPa]", ylabel="Stroke volume $\\Delta V_v$ [ml]", xlim=xlim)
     ratio = dataset.io_ratio.values[np.isfinite(dataset.io_ratio.values)]

@@ -73,6 +73,11 @@ def shown_at(measured: pd.DataFrame, ventricular_pressures: np.ndarray) -> pd.Da
     return measured[np.isnan(own) | (away < SAME_PRESSURE)]
 
 
+def reach(highest: float, measured: pd.DataFrame | None) -> float:
+    """The highest P_a (kPa) of an axis: that of the simulated curves (``highest``), or of the measured ones."""
+    return highest if measured is None else float(np.nanmax([highest, measured.actuation_pressure.max()]))
+
+
 def bars(axis, measured: pd.DataFrame, pouches: np.ndarray, width: float = 0.18) -> None:
     """Grey bars of measured efficiencies at their own N_p, between those of the simulated numbers of pouches (n,).
 

@@ -55,7 +55,7 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
             handles = overlay.curves(axis, measured, name, colors)
             laid_over = handles if len(handles) > len(laid_over) else laid_over
     for axis, _, ylabel in panels:
-        axis.set(xlabel="Actuation pressure $P_a$ [kPa]", ylabel=ylabel, xlim=(0, float(pressure.max())))
+        axis.set(xlabel="Actuation pressure $P_a$ [kPa]", ylabel=ylabel, xlim=(0, overlay.reach(float(pressure.max()), measured)))
     for value in np.unique(dataset.ventricular_pressure.values):
         axes[0].axvline(value, color="0.6", lw=0.8, ls=":")
         axes[1].axvline(value, color="0.6", lw=0.8, ls=":")
