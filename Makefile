@@ -12,7 +12,7 @@ export PATH := $(CURDIR)/$(BIN):$(PATH)
 # Set-up is redone when its inputs are newer than the stamp, or when .venv was removed.
 ABSENT := $(if $(wildcard $(BIN)/limo),,absent)
 
-.PHONY: help setup ccx-tuned sweep test lint format benchmark performance accuracy standard schemas lock clean-setup absent
+.PHONY: help setup ccx-tuned sweep test lint format benchmark performance accuracy standard docs schemas lock clean-setup absent
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -60,11 +60,11 @@ performance: setup ## measure what everything costs (hours) and write docs/perfo
 		$(BIN)/limo performance record $$name --config $$config; \
 	done
 	$(BIN)/limo performance overhead --config config/grids/preview_newton.yaml
-	$(BIN)/limo performance report >docs/performance.md
+	$(BIN)/limo docs docs/performance.md README.md
 
 accuracy: setup ## measure errors (hours) and write docs/accuracy.md
 	@OMP_NUM_THREADS=1 $(BIN)/snakemake --cores $(CORES) accuracy
-	$(BIN)/limo accuracy >docs/accuracy.md
+	$(BIN)/limo docs docs/accuracy.md README.md
 
 # As much as is not there yet, here or elsewhere: may be stopped and started again, and committed in between.
 STANDARD := --set standard --config config/standard.yaml
@@ -73,12 +73,16 @@ standard: setup ## solve what docs/gallery/standard lacks (hours), add it, and c
 		OMP_NUM_THREADS=1 $(BIN)/snakemake --cores $(CORES) --keep-going --config file=config/standard.yaml -- $$lacks; }; \
 		$(BIN)/limo gallery $(STANDARD)
 	$(BIN)/limo paper-check --data docs/gallery/standard/data --beside docs/gallery/data --table docs/paper_check.csv --page docs/paper_check.md
+	$(BIN)/limo docs README.md
+
+docs: setup ## write what is generated in the documents and needs no solver: README, references, reports
+	@$(BIN)/limo docs
 
 schemas: setup ## write the schemas of the configuration files
-	@$(BIN)/python -m limo.config workflow/schemas
+	@$(BIN)/python -m limo.config.json_schemas workflow/schemas
 
 lock: ## write requirements.lock anew from pyproject.toml (delete it first to renew every pin)
-	@$${PYTHON:-python3} -m venv --clear .local/lock
+	@"$${PYTHON:-python3}" -m venv --clear .local/lock
 	@.local/lock/bin/python -m pip install --quiet --disable-pip-version-check uv
 	@.local/lock/bin/uv pip compile --quiet --universal --generate-hashes --python-version 3.11 --extra dev \
 		--no-annotate --no-emit-index-url --custom-compile-command 'make lock' --output-file requirements.lock pyproject.toml

@@ -1,5 +1,6 @@
 """From the studies in config/ to datasets and figures: mesh -> solve -> gather -> draw; and measured errors (accuracy)."""
 
+import shlex
 import sys
 
 from snakemake.exceptions import WorkflowError
@@ -7,62 +8,80 @@ from snakemake.logging import logger
 
 sys.path.insert(0, str(Path(workflow.basedir) / "scripts"))
 
-from limo.airbag import RUN_CODE, run_content, runs_of
-from limo.bench import CURVE_CODE, TENSILE_CODE
-from limo.case import (
-    EXPORT_CODE,
-    FIELD_CODE,
-    GATHER_CODE,
-    MEASURE_CODE,
-    MESH_CODE,
-    SHAPE_CODE,
-    STRESS_TEST_CODE,
-    code_digest,
-    digest,
-    solve_code,
-)
-from limo.config import ENGINES, load_config
-from limo.cost import plan_costs, ranks
-from limo.device_runs import KEPT_PARTS, TIMED_PARTS, error_studies, kept_file, lacking
-from limo.engines.find import find_builds, find_engines
+# nothing here may bring libraries that planning does not need: a test counts them
+from limo.accuracy.kept_names import kept_file, lacking
+from limo.accuracy.roles import error_studies, is_kept, is_timed
+from limo.cases.case import engine_code, solve_code
+from limo.cases.cost import plan_costs, ranks
+from limo.cases.plan import make_plan
+from limo.checkout import check_folder, check_results
+from limo.config.builds import engines_of, with_found_builds
+from limo.config.load import load_config
+from limo.config.targets import asked_studies
 from limo.errors import ConfigError, LimoError
-from limo.figures import AIRBAG_FIGURES, DEVICE_FIGURES, SHAPES, items_of, renderer_lacks
-from limo.page import CODE as PAGE_CODE
+from limo.figures.renderer import renderer_lacks
 from limo.page import TEMPLATES, sources
-from limo.plan import CROSS_CHECK, make_plan
-from limo.progress import enter_sweep
-from limo.sampling import stress_cases
+from limo.schema.figures import AIRBAG_FIGURES, DEVICE_FIGURES, SHAPES, items_of
+from limo.schema.section import ENGINES
+from limo.store.code import code_digest
+from limo.store.digest import digest
+from limo.store.progress import enter_sweep
+from limo.store.results import Results
 
 CONFIG_FILE = config.get("file", "config/config.yaml")
 KEPT_FOLDER = Path("docs/gallery/data")
+# Snakemake puts this path into command lines as it is, whatever blanks it has; what is quoted already does not exist
+if Path(sys.executable).exists():
+    sys.executable = shlex.quote(sys.executable)
+RESULTS = Results(Path("results"))
+# The studies of the paper; their cases are shared, and each is solved once.
+PAPER = [
+    "kinematics",
+    "pressure_volume",
+    "buckling",
+    "afterload",
+    "stress",
+    "fatigue",
+    "strain_paths",
+    "valve_support",
+    "compliance",
+    "deformation",
+    "symmetry",
+]
+# a process of one job asks for nothing: what started it has decided
+TARGETS = workflow.dag_settings.targets if workflow.is_main_process and workflow.dag_settings else []
+ASKED = asked_studies(TARGETS, RESULTS, {"paper": PAPER}) if workflow.is_main_process else []
 try:
+    check_folder(workflow.basedir)
+    check_results(Path.cwd())
     for key, value in config.items():
         if key not in ("file", "solving"):  # the second is set below, for scripts
             expected = f"the key file alone: {key} is a line of that file"
             raise ConfigError("snakemake --config", key, value, expected, f"--config file={CONFIG_FILE}")
-    LOADED = load_config(CONFIG_FILE)
-    CCX = find_engines(LOADED, CONFIG_FILE)
-    if workflow.is_main_process and any(study.measured for study in LOADED.studies.values()):
+    # errors are gathered from all studies that have a role, and nobody knows that of a broken one
+    PROJECT = load_config(CONFIG_FILE, ASKED, strict="accuracy" in TARGETS)
+    NEEDED = engines_of(PROJECT, ASKED or PROJECT.config.studies)
+    PROJECT, CCX = with_found_builds(PROJECT, CONFIG_FILE, needed=NEEDED)
+    asked = [*ASKED, *(PROJECT.config.studies if "all" in ASKED else [])]
+    if compared := [name for name in asked if name in PROJECT.studies and PROJECT.studies[name].measured]:
         from limo.bench.check import check_curves
 
-        check_curves(LOADED, LOADED.studies)
+        check_curves(PROJECT, compared)
 except LimoError as error:
     raise WorkflowError(str(error)) from None
 
-SWEEP = enter_sweep(Path("results"), Path(".snakemake/locks")) if workflow.is_main_process else None
-STRESS_TEST = {key: case.case_id for key, case in stress_cases(LOADED).items()}
-STUDIES = make_plan(LOADED)
-PLAN = STUDIES.with_cases(stress_cases(LOADED).values())
-COSTS = plan_costs(PLAN)
-MESH_IDS = {name: case.mesh_id for name, case in PLAN.cases.items()}
+SWEEP = enter_sweep(RESULTS.root, Path(".snakemake/locks")) if workflow.is_main_process else None
+PLAN = make_plan(PROJECT)
 RENDERER_LACKS = renderer_lacks()
-if RENDERER_LACKS and workflow.is_main_process:
-    logger.warning(f"Figures of surfaces are left out: {RENDERER_LACKS}")
-MESHES = {MESH_IDS[name]: case for name, case in PLAN.cases.items()}
+if workflow.is_main_process:
+    for warning in PROJECT.warnings:
+        logger.warning(warning)
+    if RENDERER_LACKS:
+        logger.warning(f"Figures of surfaces are left out: {RENDERER_LACKS}")
 # what decides no result, such as paths and limits of time: scripts find it here, where no change re-runs them
 config["file"] = CONFIG_FILE
 config["solving"] = {
-    **{part: getattr(LOADED.config, part).model_dump(mode="json") for part in ("solver", "limits", "recovery")},
+    **{part: getattr(PROJECT.config, part).model_dump(mode="json") for part in ("solver", "limits", "recovery")},
     "command": str(CCX or ""),
 }
 
@@ -74,8 +93,8 @@ include: "workflow/rules/common.smk"
 wildcard_constraints:
     case=r"[\w.]+",
     mesh=r"\w+",
-    study="|".join(LOADED.studies),
-    airbag="|".join(LOADED.airbags) or "none",
+    study="|".join(PROJECT.studies) or "none",
+    airbag="|".join(PROJECT.airbags) or "none",
     run=r"\w+",
     figure=r"[a-z_]+",
 
@@ -91,13 +110,13 @@ include: "workflow/rules/page.smk"
 include: "workflow/rules/accuracy.smk"
 
 
-for name in LOADED.studies:
+for name in PROJECT.studies:
 
     rule:
         name:
             name
         input:
-            study_targets(name),
+            partial(study_targets, name),
         message:
             f"Study {name}"
 
@@ -105,4 +124,4 @@ for name in LOADED.studies:
 rule all:
     default_target: True
     input:
-        [study_targets(name) for name in LOADED.config.studies],
+        partial(targets_of, PROJECT.config.studies),

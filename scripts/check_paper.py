@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from limo.door import logged
-from limo.paper_check import write_check
+from limo.reports.paper_check import write_check
 
 with logged(snakemake.log[0]) as log:  # noqa: F821
     table, page = (Path(o) for o in snakemake.output)  # noqa: F821

@@ -5,18 +5,18 @@ from pathlib import Path
 
 import xarray as xr
 
-from limo.bench.compare import study_curves
-from limo.config import load_config
+from limo.config.load import load_config
 from limo.door import logged
 from limo.figures import style
-from limo.files import write_whole
+from limo.store.files import write_whole
 
 with logged(snakemake.log[0]):  # noqa: F821
     module = import_module(f"limo.figures.{snakemake.wildcards.figure}")  # noqa: F821
     measured = None
     if snakemake.input.measured:  # noqa: F821
-        loaded = load_config(snakemake.config["file"])  # noqa: F821
-        measured = study_curves(loaded, snakemake.wildcards.study).table  # noqa: F821
+        # by name: what reads them decides figures of studies with measured curves alone (measured_content in common.smk)
+        read = import_module("limo.bench.compare").study_curves
+        measured = read(load_config(snakemake.config["file"]), snakemake.wildcards.study).table  # noqa: F821
     files = [snakemake.input.dataset, *([snakemake.input.shapes] if snakemake.input.shapes else [])]  # noqa: F821
     datasets = [xr.load_dataset(file) for file in files]
     figure = module.draw(datasets[0], measured, *datasets[1:])

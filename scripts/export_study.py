@@ -4,9 +4,9 @@ from pathlib import Path
 
 import xarray as xr
 
+from limo.datasets.export import write_csv
 from limo.door import logged
-from limo.export import write_csv
-from limo.files import write_whole
+from limo.store.files import write_whole
 
 with logged(snakemake.log[0]):  # noqa: F821
     dataset = xr.load_dataset(snakemake.input[0])  # noqa: F821

@@ -3,11 +3,11 @@
 from pathlib import Path
 
 from limo.bench.tensile import fit_tensile, report, specimen_table, tensile_dataset
-from limo.config import load_config
+from limo.config.load import load_config
 from limo.door import logged
 from limo.figures import style
 from limo.figures.tensile_test import draw
-from limo.files import write_netcdf, write_whole
+from limo.store.files import write_netcdf, write_whole
 
 with logged(snakemake.log[0]) as log:  # noqa: F821
     fit = fit_tensile(load_config(snakemake.config["file"]).config.tensile_test)  # noqa: F821

@@ -3,8 +3,8 @@
 import shutil
 from pathlib import Path
 
-from limo.config import load_config
-from limo.device_errors import gather_errors, write_errors
+from limo.accuracy.table import gather_errors, write_errors
+from limo.config.load import load_config
 from limo.door import logged
 
 with logged(snakemake.log[0]):  # noqa: F821

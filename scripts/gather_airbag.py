@@ -4,10 +4,10 @@ from pathlib import Path
 
 import xarray as xr
 
-from limo.airbag_solution import gather
-from limo.config import load_config
+from limo.airbag.solve import gather
+from limo.config.load import load_config
 from limo.door import logged
-from limo.files import write_netcdf
+from limo.store.files import write_netcdf
 
 with logged(snakemake.log[0]):  # noqa: F821
     name = snakemake.wildcards.airbag  # noqa: F821

@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-from limo.config import load_config
+from limo.config.load import load_config
+from limo.datasets.shapes import gather_shapes, write_shapes
 from limo.door import logged
-from limo.shapes import gather_shapes, write_shapes
 
 with logged(snakemake.log[0]):  # noqa: F821
     loaded = load_config(snakemake.config["file"])  # noqa: F821

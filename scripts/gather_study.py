@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
-from limo.config import load_config
-from limo.dataset import gather_study
+from limo.config.load import load_config
+from limo.datasets.study import gather_study
 from limo.door import logged
-from limo.files import write_netcdf
+from limo.store.files import write_netcdf
 
 with logged(snakemake.log[0]):  # noqa: F821
     loaded = load_config(snakemake.config["file"])  # noqa: F821

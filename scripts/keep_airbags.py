@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from limo.accuracy import keep_airbags
 from limo.door import logged
+from limo.reports.accuracy_airbag import keep_airbags
 
 with logged(snakemake.log[0]):  # noqa: F821
     keep_airbags([Path(file) for file in snakemake.input], Path(snakemake.output[0]))  # noqa: F821

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from limo.config import load_config
-from limo.device_runs import keep_runs
+from limo.accuracy.kept_runs import keep_runs
+from limo.config.load import load_config
 from limo.door import logged
 
 with logged(snakemake.log[0]):  # noqa: F821

@@ -3,8 +3,10 @@
 from pathlib import Path
 
 from limo.door import logged
-from limo.files import write_whole
-from limo.mesh import degrees_of_freedom_of, mesh_device, write_mesh
+from limo.mesh.device import mesh_device
+from limo.mesh.file import write_mesh
+from limo.mesh.layers import degrees_of_freedom_of
+from limo.store.files import write_whole
 
 with logged(snakemake.log[0]) as log:  # noqa: F821
     mesh = mesh_device(snakemake.params.content)  # noqa: F821

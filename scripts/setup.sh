@@ -20,8 +20,9 @@ readonly GMSH_PACKAGES=(libfontconfig1 libgl1 libglu1-mesa libgomp1 libstdc++6 l
 supported() { "$1" -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' >/dev/null 2>&1; }
 
 find_python() {
-    local candidate
-    for candidate in ${PYTHON:-python3 python3.13 python3.12 python3.11}; do
+    local candidate candidates=(python3 python3.13 python3.12 python3.11)
+    [ -z "${PYTHON:-}" ] || candidates=("$PYTHON")
+    for candidate in "${candidates[@]}"; do
         if supported "$candidate"; then
             command -v "$candidate"
             return
@@ -29,6 +30,12 @@ find_python() {
     done
     fail "Python >= 3.11 (3.11, 3.12 or 3.13) is needed and $("${PYTHON:-python3}" --version 2>/dev/null || echo none) was found;" \
         "install one and call: make setup PYTHON=/path/to/python3.11"
+}
+
+check_folder() {
+    local python said
+    python=$(find_python)
+    said=$(PYTHONPATH=scripts "$python" -B -m limo.checkout "$PWD" 2>&1) || fail "$said"
 }
 
 make_venv() {
@@ -157,6 +164,7 @@ install_renderer() {
 
 # ----------------------------------------------------------------------------------------------------------------------
 
+check_folder
 mkdir -p "$LOCAL"
 : >"$LOG"
 trap 'rm -rf "$APT_STATE"' EXIT

@@ -2,12 +2,12 @@
 
 from pathlib import Path
 
-from limo.case import Case
-from limo.config import Limits, Recovery, Solver
+from limo.cases.case import Case
+from limo.cases.solved import keep, restore
 from limo.door import logged
-from limo.plan import keep, restore
-from limo.progress import solving
-from limo.solution import solve_case
+from limo.schema.solver import Limits, Recovery, Solver
+from limo.solve.case import SolveSettings, solve_case
+from limo.store.progress import solving
 
 with logged(snakemake.log[0]) as log:  # noqa: F821
     case = Case.from_dict(snakemake.params.case)  # noqa: F821
@@ -16,13 +16,13 @@ with logged(snakemake.log[0]) as log:  # noqa: F821
     solver = solver.model_copy(update={"time_limit": snakemake.resources.attempt_seconds / 60})  # noqa: F821
     rungs = getattr(Recovery.model_validate(chosen["recovery"]), case.engine)
     recovery = snakemake.params.recovery  # noqa: F821
-    how = (solver, Path(chosen["command"]), limits, rungs, recovery)
+    settings = SolveSettings(solver, Path(chosen["command"]), limits, rungs, recovery)
     folder = Path(snakemake.output.status).parent  # noqa: F821
     log.info("predicted %s s of CPU time", snakemake.resources.predicted_seconds)  # noqa: F821
     with solving(folder):
         if status := restore(case, folder, recovery):
             log.info("was solved when the sweep was broken off")
         else:
-            status = solve_case(case, Path(snakemake.input.mesh), folder, *how)  # noqa: F821
+            status = solve_case(case, Path(snakemake.input.mesh), folder, settings)  # noqa: F821
             keep(folder)
     log.info("%s %s after %.0f s of CPU time", status["status"], status["reason"], status["solver_cpu_seconds"])

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from limo.door import logged
-from limo.reliability import gather_stress_test, write_rows
+from limo.reliability.stress_test import gather_stress_test, write_rows
 
 with logged(snakemake.log[0]) as log:  # noqa: F821
     rows = gather_stress_test(snakemake.params.cases, Path("results"))  # noqa: F821

@@ -2,15 +2,16 @@
 
 from pathlib import Path
 
-from limo.case import Case
-from limo.config import Solver
+from limo.cases.case import Case
 from limo.door import logged
-from limo.files import read_json, write_json
-from limo.repeatability import cpu_times
+from limo.engines.engine import EngineSettings
+from limo.reliability.repeatability import cpu_times
+from limo.schema.solver import Solver
+from limo.store.files import read_json, write_json
 
 with logged(snakemake.log[0]):  # noqa: F821
     case, chosen = Case.from_dict(snakemake.params.case), snakemake.config["solving"]  # noqa: F821
     status = read_json(Path(snakemake.input.status))  # noqa: F821
-    how = Solver.model_validate(chosen["solver"]), Path(chosen["command"])
-    times = cpu_times(case, Path(snakemake.input.mesh), status, *how)  # noqa: F821
+    settings = EngineSettings(Solver.model_validate(chosen["solver"]), Path(chosen["command"]))
+    times = cpu_times(case, Path(snakemake.input.mesh), status, settings)  # noqa: F821
     write_json(Path(snakemake.output[0]), {"cpu_seconds": times})  # noqa: F821

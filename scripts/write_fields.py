@@ -2,11 +2,12 @@
 
 from pathlib import Path
 
-from limo.case import Case, Wanted
-from limo.config import Fatigue
+from limo.cases.case import Case
+from limo.cases.wanted import Wanted
+from limo.datasets.fields import write_fields
 from limo.door import logged
-from limo.files import read_json
-from limo.vtu import write_fields
+from limo.schema.fatigue import Fatigue
+from limo.store.files import read_json
 
 with logged(snakemake.log[0]) as log:  # noqa: F821
     case = Case.from_dict(read_json(Path(snakemake.input.case))["case"])  # noqa: F821

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from limo.config import load_config
+from limo.config.load import load_config
 from limo.door import logged
 from limo.page.write import write_page
 

@@ -13,11 +13,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from limo.case import Case
-from limo.config import Loaded, Mesh, MeshLevel, load_config
-from limo.elements import gauss, quad8_shape
-from limo.geometry import flat_pattern
-from limo.mesh import STRATEGIES, DeviceMesh, layered, mesh_pattern, smallest_jacobian
+from limo.cases.case import Case
+from limo.config.load import load_config
+from limo.config.project import Project
+from limo.geometry.pattern import flat_pattern
+from limo.mesh.device import STRATEGIES
+from limo.mesh.elements import gauss, quad8_shape
+from limo.mesh.flat import mesh_pattern, smallest_jacobian
+from limo.mesh.layers import DeviceMesh, layered
+from limo.schema.numerics import Mesh, MeshLevel
 
 ROOT = Path(__file__).resolve().parents[1]
 COARSE = MeshLevel(degrees_of_freedom=12000, grading=0.8)
@@ -30,10 +34,10 @@ def root() -> Path:
 
 
 @pytest.fixture(scope="session")
-def loaded() -> Loaded:
+def loaded() -> Project:
     """The shipped configuration."""
     with contextlib.chdir(ROOT):
-        return load_config("config/config.yaml")
+        return load_config("config/config.yaml", strict=True)
 
 
 @pytest.fixture(scope="session")

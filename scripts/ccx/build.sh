@@ -35,16 +35,9 @@ processor() {
         "$(awk -F ': ' '/^flags/ {printf "%s", $2; exit}' /proc/cpuinfo | sha256sum | cut -c 1-8)"
 }
 
-find_fortran() {
-    local candidate
-    for candidate in gfortran "$LOCAL/gfortran/usr/bin/gfortran"; do
-        if command -v "$candidate" >/dev/null; then
-            command -v "$candidate"
-            return
-        fi
-    done
-    return 1
-}
+# where it was unpacked; by its name alone, because make splits a path at blanks
+PATH=$PATH:$LOCAL/gfortran/usr/bin
+find_fortran() { command -v gfortran; }
 
 have_compilers() { command -v gcc >/dev/null && command -v make >/dev/null && find_fortran >/dev/null; }
 
@@ -79,12 +72,12 @@ compile() {
     fortran=$(find_fortran)
     libraries=$(dirname "$("$fortran" -print-file-name=libgfortran.a)")
     jobs=-j$(nproc)
-    quietly make -C "$src" "$jobs" FC="$fortran" FFLAGS="$FFLAGS_HOT" "${HOT[@]}" &&
-        quietly make -C "$src" "$jobs" FC="$fortran" CC=gcc FFLAGS="$FFLAGS" CFLAGS="$CFLAGS" ccx_$VERSION.o ccx_$VERSION.a ||
+    quietly make -C "$src" "$jobs" FC=gfortran FFLAGS="$FFLAGS_HOT" "${HOT[@]}" &&
+        quietly make -C "$src" "$jobs" FC=gfortran CC=gcc FFLAGS="$FFLAGS" CFLAGS="$CFLAGS" ccx_$VERSION.o ccx_$VERSION.a ||
         return 1
     mkdir -p "$target/bin"
     quietly gcc -fopenmp -o "$target/bin/ccx" "$src/ccx_$VERSION.o" "$src/ccx_$VERSION.a" \
-        -L"$VENV/lib" -Wl,-rpath,"$VENV/lib" "${MKL[@]}" -L"$libraries" -lgfortran -lquadmath -lpthread -lm
+        -L"$VENV/lib" -Xlinker -rpath -Xlinker "$VENV/lib" "${MKL[@]}" -L"$libraries" -lgfortran -lquadmath -lpthread -lm
 }
 
 # What `limo` stores with every result of this build.

@@ -9,14 +9,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from limo.case import Case, study_cases
-from limo.config import Mesh, MeshLevel, Solver, load_config
-from limo.deck import write_deck
-from limo.engines import calculix
-from limo.frd import FrdFile
-from limo.geometry import flat_pattern
-from limo.mesh import DeviceMesh, layered, mesh_to_target
-from limo.model import Model
+from limo.cases.case import Case
+from limo.cases.grid import study_cases
+from limo.config.load import load_config
+from limo.engines.calculix import build as ccx_build
+from limo.engines.calculix import run as calculix
+from limo.engines.calculix.deck import write_deck
+from limo.engines.calculix.frd import FrdFile
+from limo.mechanics.model import Model
+from limo.schema.solver import Solver
 
 ROOT = Path(__file__).parents[2]
 
@@ -28,25 +29,10 @@ def case() -> Case:
     return next(c for c in study_cases(loaded, "pressure_volume").values() if c.n_pouches == 8)
 
 
-def with_(case: Case, **changes) -> Case:
-    """A case with other values; ``symmetry`` and ``element`` reach into its mesh."""
-    mesh = {k: changes.pop(k) for k in ("symmetry", "element") if k in changes}
-    values = {**case.__dict__, **changes}
-    values["mesh"] = Mesh(**{**case.mesh.model_dump(), **mesh})
-    return Case(**values)
-
-
-def small_mesh(case: Case, degrees_of_freedom: int, symmetry: str) -> DeviceMesh:
-    """A very coarse mesh of the case's device."""
-    level = MeshLevel(degrees_of_freedom=degrees_of_freedom)
-    pattern = flat_pattern(case.device.pattern, case.n_pouches)
-    return layered(mesh_to_target(pattern, level.degrees_of_freedom, level.grading), pattern, symmetry)
-
-
 @pytest.fixture(scope="session")
 def run_start() -> Callable[[Model, Path, float, int], np.ndarray]:
     """Run the first ``increments`` equal increments of ``seconds`` of a model; displacements (n, 3) in mm of its nodes."""
-    command = calculix.find_ccx(Solver())
+    command = ccx_build.find_ccx(Solver())
 
     def run(model: Model, folder: Path, seconds: float, increments: int) -> np.ndarray:
         folder.mkdir(parents=True, exist_ok=True)

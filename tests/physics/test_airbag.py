@@ -3,12 +3,14 @@
 import numpy as np
 import pytest
 
-from limo import airbag_solution
-from limo.airbag import Run, build_model
-from limo.airbag_solution import solve_run
-from limo.assembly import Assembly
-from limo.config import Solver, load_config
-from limo.engines import calculix
+from limo.airbag import solve as airbag_solution
+from limo.airbag.model import Run, build_model
+from limo.airbag.solve import solve_run
+from limo.config.load import load_config
+from limo.engines.engine import EngineSettings
+from limo.engines.find import find_engine
+from limo.engines.newton.assembly import Assembly
+from limo.schema.solver import Solver
 
 from .conftest import ROOT
 
@@ -21,8 +23,8 @@ def classical():
 @pytest.fixture(scope="module")
 def solved(classical):
     def run(element: str, engine: str, divisions: int, planes: str = "hinged"):
-        command = calculix.find_ccx(Solver()) if engine == "calculix" else None
-        found = solve_run(classical, Run(element, engine, divisions, (100.0, 10.0), planes), Solver(), command)
+        settings = EngineSettings(command=find_engine(engine).build(Solver(), "config/config.yaml").command)
+        found = solve_run(classical, Run(element, engine, divisions, (100.0, 10.0), planes), settings)
         assert found.status.item() == "converged", found.reason.item()
         return found
 
@@ -57,11 +59,12 @@ def test_what_the_fully_integrated_shell_misses_is_its_own_and_not_the_solver_s(
     assert brick < 0.97 * HEIGHT
 
 
-def test_a_state_at_rest_has_the_least_potential_energy_around_it(classical):
+def test_a_state_at_rest_has_the_least_potential_energy_around_it(classical, tmp_path):
     run = Run("C3D20R", "newton", 6, (100.0, 10.0))
     model = build_model(classical, run)
-    row, rest = airbag_solution._solve_newton(model, Solver())
-    assert row["status"] == "converged"
+    path = find_engine("newton").inflate(model, (*run.path, 1.0), tmp_path, EngineSettings())
+    assert path.status == "converged"
+    rest = path.displacements(len(path.stage) - 1)
     assembly, rng = Assembly(model), np.random.default_rng(3)
     lowest = airbag_solution.potential_energy(model, rest)
     for _ in range(5):

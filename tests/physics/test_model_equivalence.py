@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from limo.config import Controls
-from limo.model import build_model
-
-from .conftest import small_mesh, with_
+from limo.mechanics.build import build_model
+from limo.schema.numerics import Controls
+from tests.helpers.cases import small_mesh, with_
 
 SECONDS, INCREMENTS = 0.006, 3  # early in the fit: before the first instability can choose a branch
 

@@ -10,20 +10,22 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from limo import deck
-from limo.assembly import Assembly
-from limo.case import Case
-from limo.config import Solver
-from limo.elements import HEX20
-from limo.engines import calculix, newton
-from limo.engines.pardiso import SymmetricSolver
-from limo.equilibrium import residual
-from limo.frd import FrdFile
-from limo.model import Equation, Model, Pressure, build_model
-from limo.volumes import volumes
-from tests.unit.patches import curved_patch, grid, patch_mesh, patch_model
-
-from .conftest import small_mesh, with_
+from limo.cases.case import Case
+from limo.engines.calculix import build as ccx_build
+from limo.engines.calculix import deck
+from limo.engines.calculix import run as calculix
+from limo.engines.calculix.frd import FrdFile
+from limo.engines.newton import iteration as newton
+from limo.engines.newton.assembly import Assembly
+from limo.engines.newton.pardiso import SymmetricSolver
+from limo.mechanics.build import build_model, described
+from limo.mechanics.equilibrium import residual
+from limo.mechanics.model import Equation, Model, Pressure
+from limo.mechanics.volumes import volumes
+from limo.mesh.elements import HEX20
+from limo.schema.solver import Solver
+from tests.helpers.cases import small_mesh, with_
+from tests.helpers.patches import curved_patch, grid, patch_mesh, patch_model
 
 
 def tight(case: Case, **changes) -> Case:
@@ -107,7 +109,7 @@ def inflated(case: Case, kind: str, radius: float, stretch: float, elements: int
                 # no motion out of the plane: cos u_d -+ sin u_z = 0
                 equations.append(Equation(((n, d, np.cos(half)), (n, 2, -np.sign(angle) * np.sin(half)))))
     return Model(
-        **{**model.__dict__, "case": case, "fixed": tuple(fixed), "equations": tuple(equations), "pressures": load}
+        **{**model.__dict__, **described(case), "fixed": tuple(fixed), "equations": tuple(equations), "pressures": load}
     ), exact
 
 
@@ -191,7 +193,7 @@ def test_no_unstable_equilibrium_is_accepted(case):
     path, u = solved(model)
     for k in range(len(path.stage)):
         assert negative_pivots(model, path.displacements(k), 0.0, 0.0) == 0
-    thickness = model.case.device.material.thickness
+    thickness = model.fabric.thickness
     euler = np.pi**2 * thickness**2 / (3 * 20)  # mm of shortening at Euler's load, 4 pi^2 E I / l^2
     height = 2 / np.pi * np.sqrt(20 * (0.1 - euler))
     middle = model.expansion.midsurface(u)[np.abs(model.mesh.nodes[:, 0]) < 1e-9, 2]
@@ -228,7 +230,7 @@ def test_devices_of_all_kinds_come_to_rest(case, changes):
     assert path.pressure[-1] == 2.0
     assert found.full < 1e-3
     assert found.resultant < 1e-4
-    assert negative_pivots(model, u, model.case.ventricular_pressure, 2.0) == 0
+    assert negative_pivots(model, u, model.loading.ventricular_pressure, 2.0) == 0
 
 
 def test_steps_that_would_crush_elements_are_refused():
@@ -263,7 +265,7 @@ def handed_to_calculix(model: Model, u: np.ndarray, folder: Path, before: float,
     lines = [*deck.geometry(model), "*NODE, NSET=ALL"]
     lines += [f"{count + k + 1}, {500 + x:g}, {y:g}, {z:g}" for k, (x, y, z) in enumerate(HEX20)]
     numbers = [str(n) for n in (bricks + 1, *range(count + 1, count + 21))]
-    lines += [f"*ELEMENT, TYPE={model.case.mesh.element}, ELSET=APART", ", ".join(numbers[:11]) + ",", ", ".join(numbers[11:])]
+    lines += [f"*ELEMENT, TYPE={model.element.name}, ELSET=APART", ", ".join(numbers[:11]) + ",", ", ".join(numbers[11:])]
     lines += [*deck._sets(model), *deck._materials(model, 0.0), "*SOLID SECTION, ELSET=APART, MATERIAL=FABRIC"]
     lines += deck.constraints(model)
     held = [f"{count + k + 1}, {d}, {d}" for k in range(20) for d in (1, 2, 3) if (k, d) != (6, 1)]
@@ -278,12 +280,12 @@ def handed_to_calculix(model: Model, u: np.ndarray, folder: Path, before: float,
         lines += ["*STEP, NLGEOM, INC=100", "*STATIC", "1, 1", "*CONTROLS, PARAMETERS=FIELD", "1e-6, 1e-4, , , 1e-6"]
         lines += [f"*BOUNDARY{boundary}", *rows, *held]
         for load in model.pressures:
-            value = 1e-3 * (load.ventricular * model.case.ventricular_pressure + load.actuation * pressure)
+            value = 1e-3 * (load.ventricular * model.loading.ventricular_pressure + load.actuation * pressure)
             lines += ["*DLOAD", f"{load.surface.upper()}, {deck.BRICK_SIDE[load.side]}, {value:.15g}"]
         lines += ["*NODE OUTPUT, FREQUENCY=100", "U", "*END STEP"]
     folder.mkdir(parents=True)
     (folder / "deck.inp").write_text("\n".join(lines) + "\n")
-    outcome = calculix.run(folder, calculix.find_ccx(Solver()), Solver(), 3.0)
+    outcome = calculix.run(folder, ccx_build.find_ccx(Solver()), Solver(), 3.0)
     assert outcome.status == "converged", outcome.reason
     with FrdFile(folder / "deck.frd") as frd:
         states = [frd.displacements(frame, count + 20)[: model.reference_start] for frame in frd.frames]

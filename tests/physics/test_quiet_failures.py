@@ -7,15 +7,16 @@ import subprocess
 import numpy as np
 import pytest
 
-from limo.config import Controls, Solver
-from limo.deck import write_deck
-from limo.elements import HEX20_BOTTOM, HEX20_TOP
-from limo.engines import calculix
-from limo.frd import FrdFile
-from limo.judge import unbelievable
-from limo.model import build_model
-
-from .conftest import small_mesh, with_
+from limo.engines.calculix import build as ccx_build
+from limo.engines.calculix import run as calculix
+from limo.engines.calculix.deck import write_deck
+from limo.engines.calculix.frd import FrdFile
+from limo.mechanics.build import build_model
+from limo.mesh.elements import HEX20_BOTTOM, HEX20_TOP
+from limo.schema.numerics import Controls
+from limo.schema.solver import Solver
+from limo.solve.judge import unbelievable
+from tests.helpers.cases import small_mesh, with_
 
 #: a brick that nothing holds, pulled at its corners; of its stiffness six eigenvalues are zero
 LOOSE_BRICK = """*NODE, NSET=ALL
@@ -42,9 +43,9 @@ U
 def command():
     """CalculiX as a machine has it without the tuned build, whose patch 02 ends a run with such a solution, or else that."""
     try:
-        return calculix.find_ccx(Solver(build="stock"))
+        return ccx_build.find_ccx(Solver(build="stock"))
     except Exception:
-        return calculix.find_ccx(Solver())
+        return ccx_build.find_ccx(Solver())
 
 
 @pytest.fixture(scope="module")

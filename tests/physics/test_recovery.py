@@ -8,20 +8,30 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from limo import solution
-from limo.case import OWN_MESH, Case, Wanted
-from limo.config import Fatigue, Limits, MeshLevel, Rung, Solver
-from limo.engines import calculix, newton
+from limo.cases.case import Case
+from limo.cases.solved import solved_cases
+from limo.cases.wanted import Wanted
+from limo.engines.calculix import build as ccx_build
+from limo.engines.engine import EngineSettings
+from limo.engines.find import find_engine
+from limo.engines.newton import iteration as newton
 from limo.errors import MeshError
-from limo.files import read_json
-from limo.measures import measure_case, open_case
-from limo.mesh import mesh_device, write_mesh
-from limo.model import build_model
-from limo.plan import solved_cases
-from limo.solution import ML, follow, ramp_of, solve_case
-from limo.volumes import volumes
-
-from .conftest import small_mesh, with_
+from limo.measure.case import measure_case
+from limo.measure.frames import open_case
+from limo.measure.ramp import ramp_of
+from limo.mechanics.build import build_model
+from limo.mechanics.volumes import volumes
+from limo.mesh.device import mesh_device
+from limo.mesh.file import write_mesh
+from limo.schema.fatigue import Fatigue
+from limo.schema.numerics import MeshLevel
+from limo.schema.solver import Rung, Solver
+from limo.solve import case as solution
+from limo.solve.case import SolveSettings, follow, solve_case
+from limo.solve.harvest import ML
+from limo.store.files import read_json
+from limo.store.results import OWN_MESH
+from tests.helpers.cases import small_mesh, with_
 
 MAXIMUM = 6.0  # kPa
 
@@ -88,7 +98,7 @@ def test_rungs_are_climbed_until_one_succeeds_and_all_are_on_record(made, straig
     case, _, file = made
     rungs = [Rung(name="a_little", multiply={"newton.iterations": 1.2}), Rung(name="enough", multiply={"newton.iterations": 100})]
     rungs.append(Rung(name="never", multiply={"newton.iterations": 2}))
-    status = solve_case(impatient(case, 5), file, tmp_path, Solver(), None, Limits(), rungs, "abc-0")
+    status = solve_case(impatient(case, 5), file, tmp_path, SolveSettings(rungs=rungs, recovery="abc-0"))
     assert [a["rung"] for a in status["attempts"]] == ["as configured", "a_little", "enough"]
     assert [a["status"] for a in status["attempts"]] == ["diverged", "diverged", "converged"]
     assert status["status"] == "converged"
@@ -106,7 +116,7 @@ def test_rungs_are_climbed_until_one_succeeds_and_all_are_on_record(made, straig
 def test_the_best_attempt_is_kept_where_none_succeeds(made, tmp_path):
     case, _, file = made
     rungs = [Rung(name="worse", multiply={"newton.iterations": 0.5})]
-    status = solve_case(impatient(case, 12), file, tmp_path, Solver(), None, Limits(), rungs)
+    status = solve_case(impatient(case, 12), file, tmp_path, SolveSettings(rungs=rungs))
     first, second = status["attempts"]
     assert status["status"] == "diverged"
     assert not status["interrupted"]
@@ -128,7 +138,7 @@ def test_a_result_on_another_mesh_is_degraded_says_so_and_is_measured_there(case
         return replace(path, status="diverged", reason="no") if len(model.mesh.quads) == len(own.quads) else path
 
     monkeypatch.setattr(newton, "solve", fails_on_its_own_mesh)
-    status = solve_case(one, tmp_path / "own.vtu", tmp_path / "case", Solver(), None, Limits(), [rung])
+    status = solve_case(one, tmp_path / "own.vtu", tmp_path / "case", SolveSettings(rungs=[rung]))
     assert [a["status"] for a in status["attempts"]] == ["diverged", "converged"]
     assert status["status"] == "degraded"
     assert f"another mesh: {rung.name}, {status['elements']} elements" in status["reason"]
@@ -145,7 +155,7 @@ def test_a_result_on_another_mesh_is_degraded_says_so_and_is_measured_there(case
     assert measure_case(one, wanted, Fatigue(), tmp_path / "own.vtu", tmp_path / "case").attrs["status"] == "measured"
     assert solved_cases(tmp_path)[1] == {}
     monkeypatch.setattr(newton, "solve", solved)
-    again = solve_case(one, tmp_path / "own.vtu", tmp_path / "case", Solver(), None, Limits(), [rung])
+    again = solve_case(one, tmp_path / "own.vtu", tmp_path / "case", SolveSettings(rungs=[rung]))
     assert again["status"] == "converged"
     assert not (tmp_path / "case" / OWN_MESH).exists()
     assert len(open_case(one, tmp_path / "own.vtu", tmp_path / "case")[0].mesh.quads) == len(own.quads)
@@ -159,7 +169,7 @@ def test_a_rung_whose_mesh_cannot_be_made_is_passed_over(made, tmp_path, monkeyp
 
     monkeypatch.setattr(solution, "mesh_device", fails)
     rungs = [Rung(name="finer", multiply={"mesh.degrees_of_freedom": 2}), Rung(name="a", multiply={"newton.iterations": 1.2})]
-    status = solve_case(impatient(case, 5), file, tmp_path, Solver(), None, Limits(), rungs)
+    status = solve_case(impatient(case, 5), file, tmp_path, SolveSettings(rungs=rungs))
     assert [a["rung"] for a in status["attempts"]] == ["as configured", "a"]
     assert status["status"] == "diverged"
 
@@ -172,7 +182,7 @@ def test_calculix_climbs_from_a_start_that_fails(made, tmp_path):
     short = with_(case, engine="calculix", numerics=numerics, actuation_pressure_max=0.5, frames=(0.0, 0.5))
     gentler = {"first_increment": 2e-3, "smallest_increment": 1e-5, "controls.cutbacks": 20}
     rung = Rung(name="smaller_start", multiply=gentler)
-    status = solve_case(short, file, tmp_path, Solver(), calculix.find_ccx(Solver()), Limits(), [rung])
+    status = solve_case(short, file, tmp_path, SolveSettings(command=ccx_build.find_ccx(Solver()), rungs=[rung]))
     assert [a["status"] for a in status["attempts"]] == ["diverged", "converged"]
     assert status["attempts"][0]["ended_in"] == "fit"
     assert status["status"] == "converged", status["reason"]
@@ -184,7 +194,9 @@ def test_the_same_case_twice_is_the_same_to_the_bit_and_perturbed_ones_are_not(m
     case, mesh, _ = made
     volumes = []
     for branch in (0, 0, 1):
-        status, history = follow(build_model(replace(case, branch=branch), mesh), tmp_path, Solver())
+        status, history = follow(
+            find_engine("newton"), build_model(replace(case, branch=branch), mesh), tmp_path, EngineSettings()
+        )
         assert status == "converged"
         volumes.append(history.ventricle_volume.values.tobytes())
     assert volumes[0] == volumes[1]

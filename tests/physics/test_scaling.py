@@ -7,10 +7,13 @@ import signal
 
 import pytest
 
-from limo import scaling
-from limo.config import Scaling, Solver
-from limo.engines.calculix import find_ccx
-from limo.scaling import COLUMNS, INCREMENTS, ITERATIONS, MEASURED, measure_scaling, read_scaling
+from limo.accuracy import scaling
+from limo.accuracy.scaling import measure_scaling
+from limo.accuracy.sizes import COLUMNS, MEASURED, read_scaling
+from limo.engines.engine import EngineSettings
+from limo.engines.find import find_engine
+from limo.schema.accuracy import Scaling
+from limo.schema.solver import Solver
 
 
 @pytest.fixture
@@ -20,22 +23,23 @@ def small(loaded):
     def make(engine, **changes):
         wanted = Scaling(start=3000, factor=10, **changes)
         loaded.config = loaded.config.model_copy(update={"scaling": wanted})
-        command = find_ccx(Solver()) if engine == "calculix" else None
-        return measure_scaling(loaded, engine, Solver(), command)
+        command = find_engine(engine).build(Solver(), "config/config.yaml").command
+        return measure_scaling(loaded, engine, EngineSettings(command=command))
 
     return make
 
 
-@pytest.mark.parametrize("engine", ["newton", "calculix"])
-def test_larger_models_take_more_until_one_would_take_too_much(small, engine, tmp_path):
-    rows = small(engine, minutes=1.0)
+@pytest.mark.parametrize(("engine", "minutes"), [("newton", 0.25), ("calculix", 1.0)])
+def test_larger_models_take_more_until_one_would_take_too_much(small, engine, minutes, tmp_path):
+    """The second size takes a tenth of the limit, a third one would take several times as much."""
+    rows = small(engine, minutes=minutes)
     assert list(rows.columns) == [*COLUMNS]
     assert list(rows.status) == [MEASURED] * 2
     first, second = rows.itertuples()
     assert second.displacements > 2 * first.displacements
     assert second.memory_mib > first.memory_mib
     assert second.cpu_seconds / second.iterations > first.cpu_seconds / first.iterations
-    assert rows.iterations.ge(ITERATIONS if engine == "newton" else INCREMENTS).all()
+    assert rows.iterations.ge(find_engine(engine).SAMPLED).all()
     (tmp_path / "table.csv").write_text(rows.to_csv(index=False))
     assert list(read_scaling(tmp_path)["size_status"][1]) == [MEASURED] * 2
 

@@ -8,17 +8,17 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from limo.config import Solver
-from limo.deck import write_deck
-from limo.elements import gauss
-from limo.engines import calculix
-from limo.equilibrium import residual
-from limo.frd import FrdFile
-from limo.layer import flat_areas, layer_state, surface_points
-from limo.model import build_model
-from limo.stress import top_average
-
-from .conftest import small_mesh, with_
+from limo.engines.calculix import build as ccx_build
+from limo.engines.calculix import run as calculix
+from limo.engines.calculix.deck import write_deck
+from limo.engines.calculix.frd import FrdFile
+from limo.measure.stress import top_average
+from limo.mechanics.build import build_model
+from limo.mechanics.equilibrium import residual
+from limo.mechanics.layer import flat_areas, layer_state, surface_points
+from limo.mesh.elements import gauss
+from limo.schema.solver import Solver
+from tests.helpers.cases import small_mesh, with_
 
 PRESSURE = 10.0  # kPa
 
@@ -60,7 +60,7 @@ def converged(case, tmp_path_factory):
     text, count = re.subn(r"\*NODE OUTPUT, FREQUENCY=1\nU\n", only_last, deck.read_text())
     assert count == 1
     deck.write_text(text)
-    outcome = calculix.run(folder, calculix.find_ccx(Solver()), Solver(), times[-1].end)
+    outcome = calculix.run(folder, ccx_build.find_ccx(Solver()), Solver(), times[-1].end)
     assert outcome.status == "converged", outcome.reason
     count = len(model.expansion.nodes)
     with FrdFile(folder / "deck.frd") as frd:

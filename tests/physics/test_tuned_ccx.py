@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from limo.config import Solver
-from limo.engines import calculix
+from limo.engines.calculix import build as ccx_build
+from limo.schema.solver import Solver
 
 ROOT = Path(__file__).parents[2]
 PATCHES = sorted((ROOT / "scripts/ccx/patches").glob("*.patch"))
@@ -52,9 +52,9 @@ CUBE, P2, 0.1
 
 @pytest.fixture(scope="module")
 def tuned() -> Path:
-    if not calculix.tuned_build_runs():
+    if not ccx_build.tuned_build_runs():
         pytest.skip("there is no tuned build here; `make ccx-tuned` says why")
-    return calculix.TUNED
+    return ccx_build.TUNED
 
 
 def run_cube(command: Path, folder: Path, modulus: str = "1", analysis: str = "*STATIC") -> subprocess.CompletedProcess:
@@ -95,7 +95,7 @@ def test_answers_are_those_of_the_stock_solver(tuned, name):
 
 @pytest.mark.parametrize("name", DECKS)
 def test_stored_answers_are_those_of_the_stock_solver_of_this_machine(name):
-    error, _, _ = VERIFY["difference"](DECKS[name], calculix.find_ccx(Solver(build="stock")))
+    error, _, _ = VERIFY["difference"](DECKS[name], ccx_build.find_ccx(Solver(build="stock")))
     assert error <= 1e-6
 
 

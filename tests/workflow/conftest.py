@@ -11,11 +11,11 @@ from pathlib import Path
 import pytest
 import yaml
 
-from limo.case import describe
-from limo.config import load_config
-from limo.engines.find import find_engines
-from limo.files import write_json
-from limo.plan import Plan, make_plan
+from limo.cases.case import describe
+from limo.cases.plan import Plan, make_plan
+from limo.config.builds import with_found_builds
+from limo.config.load import load_config
+from limo.store.files import write_json
 
 ROOT = Path(__file__).parents[2]
 STUDY = {
@@ -81,9 +81,8 @@ class Project:
 
     def plan(self) -> Plan:
         """What the workflow decides about its cases."""
-        loaded = load_config(self.config_file)
-        find_engines(loaded, "config/config.yaml")
-        return make_plan(loaded, self.folder / "results")
+        project, _ = with_found_builds(load_config(self.config_file), "config/config.yaml")
+        return make_plan(project, self.folder / "results")
 
     def pretend(self, *studies: str) -> None:
         """Results of studies without solving: files that say what they are, and Snakemake's record that it made them."""

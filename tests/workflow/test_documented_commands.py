@@ -16,7 +16,7 @@ from pathlib import Path
 
 import pytest
 
-from limo.cli import main, make_parser
+from limo.terminal.cli import main, make_parser
 
 from .conftest import ROOT
 
@@ -29,11 +29,18 @@ DOCUMENTS = (
 )
 PROGRAMS = ("limo", "snakemake", "make", "source", "eval", "sed", ".venv/bin/pytest", ".venv/bin/pre-commit")
 BIN = Path(sys.executable).parent
+
+
+def in_bin(name: str) -> str:
+    """A program of the environment as a word for a shell."""
+    return shlex.quote(str(BIN / name))
+
+
 #: what is run instead of a command: shorter, without an end, or about cases that the tests have (N_p = 4 and 8 up to 10 kPa)
 REPLACEMENTS = {
-    "source .venv/bin/activate": f"source {BIN / 'activate'}",
-    ".venv/bin/pytest tests/unit": f"{BIN / 'pytest'} --version",
-    ".venv/bin/pre-commit install --hook-type pre-commit --hook-type pre-push": f"{BIN / 'pre-commit'} install --help",
+    "source .venv/bin/activate": f"source {in_bin('activate')}",
+    ".venv/bin/pytest tests/unit": f"{in_bin('pytest')} --version",
+    ".venv/bin/pre-commit install --hook-type pre-commit --hook-type pre-push": f"{in_bin('pre-commit')} install --help",
     "limo check --draw": "limo check --draw svg",
     "limo check pressure_volume --draw svg --mesh": "limo check kinematics --draw svg --mesh",
     "limo status --watch": "limo status pressure_volume",

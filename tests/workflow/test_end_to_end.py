@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from limo.cli import main
+from limo.terminal.cli import main
 
 
 @pytest.fixture(scope="module")

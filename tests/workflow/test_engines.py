@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from limo.files import read_json
+from limo.store.files import read_json
 
 from .conftest import make_project
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import csv
 import os
 import random
+import shlex
 import shutil
 import signal
 import subprocess
@@ -19,9 +20,9 @@ from pathlib import Path
 
 import pytest
 
-from limo.config import Solver
-from limo.engines import calculix
-from limo.files import read_json
+from limo.engines.calculix import build as ccx_build
+from limo.schema.solver import Solver
+from limo.store.files import read_json
 
 from .conftest import ROOT, make_project
 
@@ -274,9 +275,10 @@ def test_read_only_results(tiny, record):
 def test_no_memory(tiny, record, tmp_path):
     """First the solver's libraries find no room, then its arrays."""
     project = tiny("calculix")
-    ccx, limit = calculix.find_ccx(Solver()), tmp_path / "limit"
+    ccx, limit = ccx_build.find_ccx(Solver()), tmp_path / "limit"
     command = tmp_path / "ccx"
-    command.write_text(f'#!/bin/sh\n[ "$1" = deck ] && [ -f {limit} ] && ulimit -v $(cat {limit})\nexec {ccx} "$@"\n')
+    lines = '[ "$1" = deck ] && [ -f {limit} ] && ulimit -v $(cat {limit})\nexec {ccx} "$@"'
+    command.write_text("#!/bin/sh\n" + lines.format(limit=shlex.quote(str(limit)), ccx=shlex.quote(str(ccx))) + "\n")
     command.chmod(0o755)
     project.edit("config.yaml", lambda d: d.update(solver={"command": str(command)}))
     for kilobytes in (60_000, 200_000):

@@ -12,7 +12,7 @@ import pytest
 from PIL import Image
 from playwright.sync_api import Page, sync_playwright
 
-from limo.files import read_json, write_json
+from limo.store.files import read_json, write_json
 
 from .conftest import Project
 

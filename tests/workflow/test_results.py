@@ -13,11 +13,8 @@ import pandas as pd
 import pytest
 import xarray as xr
 
-from limo.dataset import CASE_DIMS
+from tests.helpers.results_page import DOCUMENT, rows, section, table
 
-from .conftest import ROOT
-
-DOCUMENT = ROOT / "docs" / "results.md"
 #: sections of the document and the netCDF files that they describe
 DATASETS = {
     "study.nc": "studies/*/study.nc",
@@ -30,42 +27,6 @@ DATASETS = {
 }
 #: what a file has only where a device snapped, which the tiny one does not
 ONLY_AFTER_A_SNAP = {"measures.nc": {"buckling_difference"}}
-
-
-def section(name: str) -> str:
-    """The part of the document about one file."""
-    parts = re.split(r"^## ", DOCUMENT.read_text(encoding="utf-8"), flags=re.MULTILINE)
-    found = [part for part in parts if part.startswith(f"`{name}`")]
-    assert found, f"{DOCUMENT.name} has no section `{name}`"
-    return found[0]
-
-
-def table(name: str) -> dict[str, tuple[str, ...]]:
-    """The rows of a section's table by their first cell, without the backticks."""
-    lines = re.findall(r"^\| `([^`]+)` \|(.*)\|$", section(name), flags=re.MULTILINE)
-    return {key: tuple(cell.strip() for cell in rest.split("|")) for key, rest in lines}
-
-
-def rows(file: Path) -> dict[str, tuple[str, ...]]:
-    """Dimensions, unit and meaning of every variable of a dataset, as netCDF itself has them.
-
-    The dimensions of a case are called ``case`` together, whether or not there are branches; the length of a text is none.
-    """
-    found = {}
-    with netCDF4.Dataset(file) as data:
-        for name, variable in data.variables.items():
-            is_text = variable.dtype == "S1"
-            dims = list(variable.dimensions[: -1 if is_text else None])
-            if set(CASE_DIMS) - {"branch"} <= set(dims):
-                dims = ["case", *(d for d in dims if d not in CASE_DIMS)]
-            given = {a: variable.getncattr(a) for a in variable.ncattrs()}
-            meaning = given.get("long_name", "")
-            if "flag_meanings" in given:
-                values = np.atleast_1d(given["flag_values"])
-                pairs = zip(values, given["flag_meanings"].split(), strict=True)
-                meaning += f" ({', '.join(f'{value} {word}' for value, word in pairs)})"
-            found[name] = (", ".join(dims), "text" if is_text else given.get("units", ""), meaning)
-    return found
 
 
 def files(everything, pattern: str) -> list[Path]:

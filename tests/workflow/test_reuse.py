@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 import xarray as xr
 
-from limo.cli import main
-from limo.config import load_config
-from limo.engines.calculix import find_ccx
+from limo.config.load import load_config
+from limo.engines.calculix.build import find_ccx
 from limo.errors import LimoError
-from limo.overhead import time_of_nothing, time_of_planning
+from limo.reports.overhead import time_of_nothing, time_of_planning
+from limo.terminal.cli import main
 
 from .conftest import ROOT, Project
 

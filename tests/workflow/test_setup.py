@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -76,7 +77,7 @@ def test_tuned_solver_that_cannot_be_built_leaves_one_line_and_nothing_else(tmp_
     shutil.copytree(ROOT / "scripts", tmp_path / "scripts")
     (tmp_path / ".venv/bin").mkdir(parents=True)
     (tmp_path / "bin").mkdir()
-    for path, lines in ((".venv/bin/python", f'exec {sys.executable} "$@"'), ("bin/apt-get", apt)):
+    for path, lines in ((".venv/bin/python", f'exec {shlex.quote(sys.executable)} "$@"'), ("bin/apt-get", apt)):
         (tmp_path / path).write_text(f"#!/bin/sh\n{lines}\n")
         (tmp_path / path).chmod(0o755)
     environment = {**os.environ, "PATH": f"{tmp_path}/bin:{os.environ['PATH']}"}

@@ -12,7 +12,7 @@ import time
 
 import pytest
 
-from limo.cli import main
+from limo.terminal.cli import main
 
 from .conftest import ROOT
 
@@ -31,7 +31,7 @@ def newton(project, monkeypatch):
 
 
 def start(*options: str) -> subprocess.Popen:
-    command = [sys.executable, "-m", "limo.cli", "sweep", "tiny", "--cores", "1", *options, "--"]
+    command = [sys.executable, "-m", "limo.terminal.cli", "sweep", "tiny", "--cores", "1", *options, "--"]
     return subprocess.Popen(
         [*command, "--snakefile", str(ROOT / "Snakefile")], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
     )
@@ -106,7 +106,10 @@ def test_a_sweep_is_seen_while_it_runs_when_it_is_killed_and_when_it_is_done(new
 
 def test_a_sweep_that_snakemake_refuses_fails_and_says_why(newton):
     sweep = subprocess.run(
-        [sys.executable, "-m", "limo.cli", "sweep", "--", "--snakefile", "nowhere"], capture_output=True, text=True, check=False
+        [sys.executable, "-m", "limo.terminal.cli", "sweep", "--", "--snakefile", "nowhere"],
+        capture_output=True,
+        text=True,
+        check=False,
     )
     assert sweep.returncode == 3
     assert "nowhere" in sweep.stderr

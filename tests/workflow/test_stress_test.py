@@ -3,9 +3,9 @@
 import pandas as pd
 import pytest
 
-from limo.cli import main
-from limo.reliability_report import TABLES, renewed
-from limo.repeatability import COLUMNS, append_rows
+from limo.reliability.repeatability import COLUMNS, append_rows
+from limo.reports.reliability import TABLES, renewed
+from limo.terminal.cli import main
 
 from .conftest import ROOT, make_project
 

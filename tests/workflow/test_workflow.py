@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from limo.accuracy import read_airbags
-from limo.device_errors import read_errors, rows_of, sizes_of
+from limo.accuracy.statistics import rows_of, sizes_of
+from limo.accuracy.table import read_errors
+from limo.reports.accuracy_airbag import read_airbags
+from tests.helpers.results_page import rows, table
 
 from .conftest import ROOT, Project, make_project
-from .test_results import rows, table
 
 
 def test_default_configuration_plans_one_solve_and_mesh_a_device(tmp_path):

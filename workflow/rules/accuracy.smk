@@ -1,14 +1,14 @@
 rule solve_airbag:
     output:
-        "results/airbags/{airbag}/runs/{run}.nc",
+        RESULTS.airbag("{airbag}").run("{run}"),
     log:
-        "results/logs/solve_airbag/{airbag}_{run}.log",
+        RESULTS.log("solve_airbag", "{airbag}_{run}"),
     conda:
         "../envs/limo.yaml"
-    threads: LOADED.config.solver.threads
+    threads: PROJECT.config.solver.threads
     params:
         content=airbag_content,
-        code=lambda wildcards: code_digest(RUN_CODE[airbag_run(wildcards).engine]),
+        code=lambda wildcards: code_digest("solve_airbag", engine_code(airbag_run(wildcards).engine, "inflate")),
     message:
         "Inflate the airbag {wildcards.airbag} with {wildcards.run}"
     script:
@@ -19,14 +19,14 @@ rule gather_airbag:
     input:
         airbag_results,
     output:
-        "results/airbags/{airbag}/airbag.nc",
+        RESULTS.airbag("{airbag}").dataset,
     log:
-        "results/logs/gather_airbag/{airbag}.log",
+        RESULTS.log("gather_airbag", "{airbag}"),
     conda:
         "../envs/limo.yaml"
     params:
-        content=lambda wildcards: LOADED.airbags[wildcards.airbag].model_dump(mode="json"),
-        code=code_digest(("airbag_solution",)),
+        content=lambda wildcards: PROJECT.airbags[wildcards.airbag].model_dump(mode="json"),
+        code=code_digest("gather_airbag"),
     message:
         "Gather the airbag {wildcards.airbag}"
     script:
@@ -35,26 +35,25 @@ rule gather_airbag:
 
 rule draw_airbag:
     input:
-        dataset="results/airbags/{airbag}/airbag.nc",
+        dataset=RESULTS.airbag("{airbag}").dataset,
         shapes=[],
         measured=[],
-        style=f"{workflow.basedir}/scripts/limo/figures/style.py",
-        source=f"{workflow.basedir}/scripts/limo/figures/{{figure}}.py",
     output:
         report(
             "docs/gallery/{airbag}_{figure}.png",
             caption="../report/figure.rst",
             category="accuracy",
         ),
-        "results/airbags/{airbag}/figures/{figure}.pdf",
+        RESULTS.airbag("{airbag}").figure("{figure}", "pdf"),
     log:
-        "results/logs/draw_airbag/{airbag}_{figure}.log",
+        RESULTS.log("draw_airbag", "{airbag}_{figure}"),
     wildcard_constraints:
         figure="|".join(AIRBAG_FIGURES),
     conda:
         "../envs/limo.yaml"
     params:
         caption=caption,
+        code=figure_code,
     message:
         "Draw {wildcards.figure} of the airbag {wildcards.airbag}"
     script:
@@ -63,7 +62,7 @@ rule draw_airbag:
 
 rule keep_airbags:
     input:
-        expand("results/airbags/{airbag}/airbag.nc", airbag=LOADED.airbags),
+        [RESULTS.airbag(airbag).dataset for airbag in PROJECT.airbags],
     output:
         "docs/gallery/data/airbag.csv",
     log:
@@ -71,7 +70,7 @@ rule keep_airbags:
     conda:
         "../envs/limo.yaml"
     params:
-        code=code_digest(("accuracy",)),
+        code=code_digest("keep_airbags"),
     message:
         "Keep the rows of the airbags"
     script:
@@ -84,16 +83,16 @@ rule keep_runs:
     input:
         runs_to_keep,
     output:
-        update("docs/gallery/data/{study}_runs.nc"),
-        "results/kept/{study}.txt",
+        update(kept_file(KEPT_FOLDER, "{study}")),
+        RESULTS.kept_names("{study}"),
     log:
-        "results/logs/keep_runs/{study}.log",
+        RESULTS.log("keep_runs", "{study}"),
     wildcard_constraints:
         study="|".join(KEPT_STUDIES) or "none",
     conda:
         "../envs/limo.yaml"
     params:
-        sources=lambda wildcards: served_by(wildcards.study),
+        sources=lambda wildcards: PLAN.serving(wildcards.study),
     message:
         "Keep the runs of {wildcards.study}"
     script:
@@ -103,16 +102,16 @@ rule keep_runs:
 rule time_case:
     input:
         mesh=ancient(mesh_of_case),
-        status="results/cases/{case}/status.json",
+        status=RESULTS.case("{case}").status,
     output:
-        "results/times/{case}.json",
+        RESULTS.times("{case}"),
     log:
-        "results/logs/time_case/{case}.log",
+        RESULTS.log("time_case", "{case}"),
     conda:
         "../envs/limo.yaml"
-    threads: LOADED.config.solver.threads
+    threads: PROJECT.config.solver.threads
     params:
-        case=lambda wildcards: PLAN.cases[wildcards.case].to_dict(),
+        case=case_to_solve,
     message:
         "Time {wildcards.case} again where that is short"
     script:
@@ -122,9 +121,9 @@ rule time_case:
 # alone on the machine, whose memory it fills: more threads than any run has cores are cut down to all of them
 rule measure_scaling:
     output:
-        "results/scaling/{engine}.csv",
+        RESULTS.scaling("{engine}"),
     log:
-        "results/logs/measure_scaling/{engine}.log",
+        RESULTS.log("measure_scaling", "{engine}"),
     wildcard_constraints:
         engine="|".join(ENGINES),
     conda:
@@ -132,7 +131,7 @@ rule measure_scaling:
     threads: 4096
     params:
         content=scaling_content,
-        code=code_digest(("scaling",)),
+        code=lambda wildcards: code_digest("measure_scaling", engine_code(wildcards.engine, "sample")),
     message:
         "Iterate ever larger models with {wildcards.engine}"
     script:
@@ -141,18 +140,18 @@ rule measure_scaling:
 
 rule gather_accuracy:
     input:
-        error_results(),
+        error_results,
     output:
-        "results/accuracy/accuracy.nc",
+        RESULTS.accuracy,
         "docs/gallery/data/accuracy.nc",
     log:
         "results/logs/gather_accuracy.log",
     conda:
         "../envs/limo.yaml"
     params:
-        sources={name: served_by(name) for name in ERROR_STUDIES},
-        presets=digest({name: preset.model_dump(mode="json") for name, preset in LOADED.config.presets.items()}),
-        code=code_digest(("device_errors", "device_runs")),
+        sources=lambda wildcards: {name: PLAN.serving(name) for name in ERROR_STUDIES},
+        presets=digest({name: preset.model_dump(mode="json") for name, preset in PROJECT.config.presets.items()}),
+        code=code_digest("gather_accuracy"),
     message:
         "Gather the errors of the settings of the device"
     script:
@@ -161,11 +160,9 @@ rule gather_accuracy:
 
 rule draw_accuracy:
     input:
-        dataset="results/accuracy/accuracy.nc",
+        dataset=RESULTS.accuracy,
         shapes=[],
         measured=[],
-        style=f"{workflow.basedir}/scripts/limo/figures/style.py",
-        source=f"{workflow.basedir}/scripts/limo/figures/{{figure}}.py",
     output:
         report(
             "docs/gallery/{figure}.png",
@@ -181,6 +178,7 @@ rule draw_accuracy:
         "../envs/limo.yaml"
     params:
         caption=caption,
+        code=figure_code,
     message:
         "Draw {wildcards.figure} of the device"
     script:

@@ -3,15 +3,15 @@ rule gather_study:
         study_results,
         measured=measured_file,
     output:
-        "results/studies/{study}/study.nc",
+        RESULTS.study("{study}").dataset,
     log:
-        "results/logs/gather_study/{study}.log",
+        RESULTS.log("gather_study", "{study}"),
     conda:
         "../envs/limo.yaml"
     params:
         content=study_content,
         sources=study_sources,
-        code=code_digest(GATHER_CODE),
+        code=code_digest("gather_study"),
         measured=measured_content,
     message:
         "Gather {wildcards.study}"
@@ -21,15 +21,15 @@ rule gather_study:
 
 rule export_study:
     input:
-        "results/studies/{study}/study.nc",
+        RESULTS.study("{study}").dataset,
     output:
-        "results/studies/{study}/study.csv",
+        RESULTS.study("{study}").table,
     log:
-        "results/logs/export_study/{study}.log",
+        RESULTS.log("export_study", "{study}"),
     conda:
         "../envs/limo.yaml"
     params:
-        code=code_digest(EXPORT_CODE),
+        code=code_digest("export_study"),
     message:
         "Write {wildcards.study} as a table"
     script:
@@ -40,16 +40,16 @@ rule gather_shapes:
     input:
         shape_results,
     output:
-        "results/studies/{study}/shapes.nc",
+        RESULTS.study("{study}").shapes,
     log:
-        "results/logs/gather_shapes/{study}.log",
+        RESULTS.log("gather_shapes", "{study}"),
     conda:
         "../envs/limo.yaml"
     params:
         content=study_content,
-        figures=lambda wildcards: items_of(LOADED.studies[wildcards.study].figures),
+        figures=lambda wildcards: items_of(PROJECT.studies[wildcards.study].figures),
         sources=study_sources,
-        code=code_digest(SHAPE_CODE),
+        code=code_digest("gather_shapes"),
     message:
         "Gather the shapes of {wildcards.study}"
     script:

@@ -1,24 +1,56 @@
-# Longest first, so that the cores finish together, but what errors are measured against before; meshes before all, or the
-# longest case would wait for its own.
-ERROR_STUDIES = error_studies(LOADED)
-KEPT_STUDIES = [name for name in ERROR_STUDIES if name.startswith(KEPT_PARTS)]
-PRIORITIES = ranks(COSTS, {case_id for name in KEPT_STUDIES for case_id in PLAN.of_study(name)})
-MESH_PRIORITIES = {MESH_IDS[name]: len(COSTS) + rank for name, rank in PRIORITIES.items()}
-AIRBAG_RUNS = {name: runs_of(airbag) for name, airbag in LOADED.airbags.items()}
+from functools import cache, partial
+from types import SimpleNamespace
+
+ERROR_STUDIES = error_studies(PROJECT)
+KEPT_STUDIES = [name for name in ERROR_STUDIES if is_kept(PROJECT.studies[name])]
 
 
-def mesh_of_case(wildcards):
-    """The mesh of the case that a path names."""
+@cache
+def planned(tested=False):
+    """The plan of the studies, or of these and the stress test, with costs (s), priorities and meshes of its cases.
+
+    Longest first, so that the cores finish together, but what errors are measured against before; meshes before all, or the
+    longest case would wait for its own.
+    """
+    plan = PLAN
+    if tested:
+        from limo.reliability.stress_cases import stress_cases
+
+        plan = PLAN.with_cases(stress_cases(PROJECT).values())
+    costs = plan_costs(plan)
+    priorities = ranks(costs, {case_id for name in KEPT_STUDIES for case_id in PLAN.of_study(name)})
+    mesh_priorities = {plan.cases[name].mesh_id: len(costs) + rank for name, rank in priorities.items()}
+    meshes = {case.mesh_id: case for case in plan.cases.values()}
+    return SimpleNamespace(plan=plan, costs=costs, priorities=priorities, mesh_priorities=mesh_priorities, meshes=meshes)
+
+
+def planned_for(case_id):
+    """The plan that holds a case: of the stress test only where no study asks for the case."""
+    return planned(tested=case_id not in PLAN.cases)
+
+
+def planned_mesh(mesh_id):
+    """The same for a mesh."""
+    return planned(tested=mesh_id not in planned().meshes)
+
+
+def case_of(wildcards):
+    """The case that a path names."""
     try:
-        return f"results/meshes/{MESH_IDS[wildcards.case]}.vtu"
+        return planned_for(wildcards.case).plan.cases[wildcards.case]
     except KeyError:
         raise WorkflowError(f"{wildcards.case}: no study of {CONFIG_FILE} uses this case") from None
 
 
-def attempt_seconds(case):
+def mesh_of_case(wildcards):
+    """The mesh of the case that a path names."""
+    return RESULTS.mesh(case_of(wildcards).mesh_id)
+
+
+def attempt_seconds(case_id):
     """How long an attempt at a case may take: the limit of the stress test holds for what no study asks for."""
-    test, limit = LOADED.config.stress_test, LOADED.config.solver.time_limit
-    if test and test.time_limit and case not in STUDIES.cases:
+    test, limit = PROJECT.config.stress_test, PROJECT.config.solver.time_limit
+    if test and test.time_limit and case_id not in PLAN.cases:
         limit = test.time_limit
     return round(60 * limit)
 
@@ -26,7 +58,7 @@ def attempt_seconds(case):
 def mesh_content(wildcards):
     """What the mesh that a path names is made of."""
     try:
-        return MESHES[wildcards.mesh].mesh_content()
+        return planned_mesh(wildcards.mesh).meshes[wildcards.mesh].mesh_content()
     except KeyError:
         raise WorkflowError(f"{wildcards.mesh}: no study of {CONFIG_FILE} uses this mesh") from None
 
@@ -36,33 +68,41 @@ def caption(wildcards):
     return Path(f"{workflow.basedir}/workflow/report/{wildcards.figure}.rst").read_text(encoding="utf-8")
 
 
+def figure_code(wildcards):
+    """Hash of the code that draws a figure."""
+    return code_digest("draw_figure", f"limo.figures.{wildcards.figure}")
+
+
+def meshes_of(case_ids):
+    """The meshes of cases, each once."""
+    return list(dict.fromkeys(RESULTS.mesh(PLAN.cases[case_id].mesh_id) for case_id in case_ids))
+
+
 def study_results(wildcards):
     """Results of the cases that serve a study, and of those it is compared with."""
     name = wildcards.study
-    checks = [
-        f"results/cases/{case_id}/{file}" for case_id in PLAN.checks_of_study(name) for file in ("status.json", "volumes.nc")
-    ]
-    files = ("status.json", "volumes.nc", *(["measures.nc"] if LOADED.studies[name].measures else []))
-    return checks + [f"results/cases/{case_id}/{file}" for case_id in PLAN.of_study(name) for file in files]
+    checks, served = (map(RESULTS.case, ids) for ids in (PLAN.checks_of_study(name), PLAN.of_study(name)))
+    measured = bool(PROJECT.studies[name].measures)
+    files = [file for case in checks for file in (case.status, case.volumes)]
+    return files + [file for case in served for file in (case.status, case.volumes, *[case.measures] * measured)]
 
 
 def shape_results(wildcards):
     """Results of the cases that serve a study from which its figures of surfaces are drawn."""
     name = wildcards.study
-    files = (
-        "case.json",
-        "volumes.nc",
-        "frames.nc",
-        *(["measures.nc"] if "fatigue" in items_of(LOADED.studies[name].figures) else []),
-    )
+    measured = "fatigue" in items_of(PROJECT.studies[name].figures)
     served = PLAN.of_study(name)
-    meshes = dict.fromkeys(f"results/meshes/{MESH_IDS[case_id]}.vtu" for case_id in served)
-    return [*meshes, *(f"results/cases/{case_id}/{file}" for case_id in served for file in files)]
+    cases = [
+        file
+        for case in map(RESULTS.case, served)
+        for file in (case.described, case.volumes, case.frames, *[case.measures] * measured)
+    ]
+    return meshes_of(served) + cases
 
 
 def study_content(wildcards):
     """Digest of what a study's dataset depends on besides results: all its keys but words and figures."""
-    content = LOADED.content(wildcards.study)
+    content = PROJECT.content(wildcards.study)
     numerics = [setting["numerics"] for setting in content["settings"].values()]
     for described in (content["study"], *content["study"]["variants"].values(), *numerics):
         del described["description"]
@@ -71,112 +111,144 @@ def study_content(wildcards):
 
 def measured_file(wildcards):
     """The measured curves of a study, nothing where it has none."""
-    measured = LOADED.studies[wildcards.study].measured_curves
+    measured = PROJECT.studies[wildcards.study].measured_curves
     return measured.data if measured else []
 
 
 def measured_content(wildcards):
-    """What is said of the measured curves of a study, and the code that reads and compares them."""
-    measured = LOADED.studies[wildcards.study].measured_curves
-    return digest([measured.model_dump(mode="json"), code_digest(CURVE_CODE)]) if measured else ""
+    """Digest of what is said of the measured curves of a study, and of the code that reads them."""
+    measured = PROJECT.studies[wildcards.study].measured_curves
+    code = code_digest("limo.bench.compare:study_curves")
+    return digest([measured.model_dump(mode="json"), code]) if measured else ""
 
 
 def study_sources(wildcards):
     """Ids of the cases that serve a study, in the order of its grid, and of those it is compared with."""
-    return list(PLAN.served[wildcards.study].values())
+    return PLAN.sources(wildcards.study)
 
 
-def study_targets(name):
+def study_targets(name, wildcards=None):
     """Dataset, table and figures of a study; those of surfaces wait until this machine can render them."""
-    shown = [figure for figure in LOADED.studies[name].figures if not (RENDERER_LACKS and figure in SHAPES)]
-    figures = expand("results/studies/{study}/figures/{figure}.{kind}", study=name, figure=shown, kind=["png", "pdf"])
-    drawn = PLAN.of_study(name) if "fields" in LOADED.studies[name].outputs else []
-    datasets = [f"results/studies/{name}/{file}" for file in ("study.nc", "study.csv")]
-    return [*datasets, *figures, *(f"results/cases/{case_id}/fields" for case_id in drawn)]
+    study, files = PROJECT.studies[name], RESULTS.study(name)
+    shown = [figure for figure in study.figures if not (RENDERER_LACKS and figure in SHAPES)]
+    figures = [files.figure(figure, kind) for figure in shown for kind in ("png", "pdf")]
+    drawn = PLAN.of_study(name) if "fields" in study.outputs else []
+    return [files.dataset, files.table, *figures, *(RESULTS.case(case_id).fields for case_id in drawn)]
+
+
+def targets_of(names, wildcards=None):
+    """The same of those of some studies that there are."""
+    return [file for name in names if name in PROJECT.studies for file in study_targets(name)]
 
 
 def fatigue_of(wildcards):
     """The strain-life curve where it is asked for; elsewhere only what tells seams from the rest."""
     asked = "fatigue" in PLAN.wanted[wildcards.case].pressures
-    return LOADED.config.fatigue.model_dump(mode="json", include=None if asked else {"seam_distance"})
+    return PROJECT.config.fatigue.model_dump(mode="json", include=None if asked else {"seam_distance"})
+
+
+def stress_test_cases(wildcards=None):
+    """The cases of the stress test: box, number in it, engine and id."""
+    from limo.reliability.stress_cases import stress_cases
+
+    try:
+        PROJECT.require_sound("stress_test")
+        return [[*key, case.case_id] for key, case in stress_cases(PROJECT).items()]
+    except LimoError as error:
+        raise WorkflowError(str(error)) from None
+
+
+def stress_test_results(wildcards):
+    """Results of the cases of the stress test."""
+    cases = [RESULTS.case(case_id) for *_, case_id in stress_test_cases()]
+    return [file for case in cases for file in (case.status, case.volumes)]
+
+
+@cache
+def airbag_runs(airbag):
+    """The runs of an airbag by their names."""
+    from limo.airbag.model import runs_of
+
+    return runs_of(PROJECT.airbags[airbag])
 
 
 def airbag_run(wildcards):
     """The run of an airbag that a path names."""
     try:
-        return AIRBAG_RUNS[wildcards.airbag][wildcards.run]
+        return airbag_runs(wildcards.airbag)[wildcards.run]
     except KeyError:
         raise WorkflowError(f"{wildcards.run}: no run of the airbag {wildcards.airbag} in {CONFIG_FILE}") from None
 
 
+@cache
 def build_of(engine):
     """The build of an engine that would solve, found when it is asked for."""
+    if engine in PROJECT.builds:
+        return PROJECT.builds[engine]
     try:
-        if engine not in LOADED.builds:
-            find_builds(LOADED, CONFIG_FILE, [engine])
+        return with_found_builds(PROJECT, CONFIG_FILE, [engine])[0].builds[engine]
     except LimoError as error:
         raise WorkflowError(str(error)) from None
-    return LOADED.builds[engine]
+
+
+def case_to_solve(wildcards):
+    """The case that a path names as plain data, if its engine is on this machine."""
+    case = case_of(wildcards)
+    build_of(case.engine)
+    return case.to_dict()
 
 
 def airbag_content(wildcards):
     """What a run of an airbag depends on, the build of its engine included."""
+    from limo.airbag.model import run_content
+
     run = airbag_run(wildcards)
-    return {**run_content(LOADED.airbags[wildcards.airbag], run), "build": build_of(run.engine)}
+    return {**run_content(PROJECT.airbags[wildcards.airbag], run), "build": build_of(run.engine)}
 
 
 def scaling_content(wildcards):
     """What the measured sizes of an engine depend on, its build included."""
-    return {**LOADED.config.scaling.model_dump(mode="json"), "build": build_of(wildcards.engine)}
+    return {**PROJECT.config.scaling.model_dump(mode="json"), "build": build_of(wildcards.engine)}
 
 
 def airbag_results(wildcards):
     """Results of all runs of an airbag in the order of its configuration."""
-    return expand("results/airbags/{airbag}/runs/{run}.nc", airbag=wildcards.airbag, run=AIRBAG_RUNS[wildcards.airbag])
+    return [RESULTS.airbag(wildcards.airbag).run(run) for run in airbag_runs(wildcards.airbag)]
 
 
 def airbag_targets():
     """Figures of all airbags, and their rows beside the documentation; nothing without airbags."""
-    figures = expand(
-        ["docs/gallery/{airbag}_{figure}.png", "results/airbags/{airbag}/figures/{figure}.pdf"],
-        airbag=LOADED.airbags,
-        figure=AIRBAG_FIGURES,
-    )
-    return figures + ["docs/gallery/data/airbag.csv"] * bool(figures)
-
-
-def served_by(name):
-    """Ids of the cases that serve a study, in the order of its grid."""
-    return [case_id for key, case_id in PLAN.served[name].items() if key[0] != CROSS_CHECK]
+    pictures = [f"docs/gallery/{airbag}_{figure}.png" for airbag in PROJECT.airbags for figure in AIRBAG_FIGURES]
+    prints = [RESULTS.airbag(airbag).figure(figure, "pdf") for airbag in PROJECT.airbags for figure in AIRBAG_FIGURES]
+    return [*pictures, *prints, *["docs/gallery/data/airbag.csv"] * bool(pictures)]
 
 
 def runs_to_keep(wildcards):
     """What the runs of a study are gathered from that are not kept yet."""
     name = wildcards.study
     try:
-        absent = lacking(LOADED, name, KEPT_FOLDER)
+        absent = lacking(PROJECT, name, KEPT_FOLDER)
     except LimoError as error:
         raise WorkflowError(str(error)) from None
-    served = [source for source, lacks in zip(served_by(name), absent, strict=True) if lacks]
-    meshes = list(dict.fromkeys(f"results/meshes/{MESH_IDS[case_id]}.vtu" for case_id in served))
-    files = ["case.json", "status.json", "volumes.nc", "frames.nc", *(["measures.nc"] if LOADED.studies[name].measures else [])]
-    return meshes + expand("results/cases/{case}/{file}", case=served, file=files)
+    served = [source for source, lacks in zip(PLAN.serving(name), absent, strict=True) if lacks]
+    measured = bool(PROJECT.studies[name].measures)
+    cases = [file for case in map(RESULTS.case, served) for file in (*case.solved, *[case.measures] * measured)]
+    return meshes_of(served) + cases
 
 
-def error_results():
+def error_results(wildcards):
     """What the errors of the settings of all devices are gathered from."""
+    kept = [file for name in KEPT_STUDIES for file in (kept_file(KEPT_FOLDER, name), RESULTS.kept_names(name))]
     gathered = [name for name in ERROR_STUDIES if name not in KEPT_STUDIES]
     served = list(dict.fromkeys(case_id for name in gathered for case_id in PLAN.of_study(name)))
-    meshes = list(dict.fromkeys(f"results/meshes/{MESH_IDS[case_id]}.vtu" for case_id in served))
-    cases = expand("results/cases/{case}/{file}", case=served, file=["case.json", "frames.nc"])
-    kept = [str(kept_file(KEPT_FOLDER, name)) for name in KEPT_STUDIES] + expand("results/kept/{study}.txt", study=KEPT_STUDIES)
-    timed = dict.fromkeys(case_id for name in gathered if name.startswith(TIMED_PARTS) for case_id in PLAN.of_study(name))
-    times = expand("results/times/{case}.json", case=timed)
-    sizes = expand("results/scaling/{engine}.csv", engine=ENGINES) if LOADED.config.scaling else []
-    return [*kept, *expand("results/studies/{study}/study.nc", study=gathered), *meshes, *cases, *times, *sizes]
+    cases = [file for case in map(RESULTS.case, served) for file in (case.described, case.frames)]
+    timed = dict.fromkeys(i for name in gathered if is_timed(PROJECT.studies[name]) for i in PLAN.of_study(name))
+    sizes = [RESULTS.scaling(engine) for engine in ENGINES] if PROJECT.config.scaling else []
+    datasets = [RESULTS.study(name).dataset for name in gathered]
+    return [*kept, *datasets, *meshes_of(served), *cases, *map(RESULTS.times, timed), *sizes]
 
 
 def device_targets():
     """Figures of the errors of the device, and the dataset that they are drawn from; nothing without a reference."""
     figures = expand("docs/gallery/{figure}.png", figure=DEVICE_FIGURES)
-    return ["results/accuracy/accuracy.nc", *figures] if ERROR_STUDIES else []
+    return [RESULTS.accuracy, *figures] if ERROR_STUDIES else []

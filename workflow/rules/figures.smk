@@ -1,30 +1,24 @@
 rule draw_figure:
     input:
-        dataset="results/studies/{study}/study.nc",
-        shapes=lambda wildcards: f"results/studies/{wildcards.study}/shapes.nc" if wildcards.figure in SHAPES else [],
+        dataset=RESULTS.study("{study}").dataset,
+        shapes=lambda wildcards: RESULTS.study(wildcards.study).shapes if wildcards.figure in SHAPES else [],
         measured=measured_file,
-        style=expand(f"{workflow.basedir}/scripts/limo/figures/{{name}}.py", name=["style", "overlay"]),
-        pictures=lambda wildcards: (
-            expand(f"{workflow.basedir}/scripts/limo/figures/{{name}}.py", name=["pictures", "render", "surface"])
-            if wildcards.figure in SHAPES
-            else []
-        ),
-        source=f"{workflow.basedir}/scripts/limo/figures/{{figure}}.py",
     output:
         report(
-            "results/studies/{study}/figures/{figure}.png",
+            RESULTS.study("{study}").figure("{figure}", "png"),
             caption="../report/figure.rst",
             category="{study}",
         ),
-        "results/studies/{study}/figures/{figure}.pdf",
+        RESULTS.study("{study}").figure("{figure}", "pdf"),
     log:
-        "results/logs/draw_figure/{study}_{figure}.log",
+        RESULTS.log("draw_figure", "{study}_{figure}"),
     benchmark:
-        "results/benchmarks/draw_figure/{study}_{figure}.tsv"
+        RESULTS.benchmark("draw_figure", "{study}_{figure}")
     conda:
         "../envs/limo.yaml"
     params:
         caption=caption,
+        code=figure_code,
         measured=measured_content,
     message:
         "Draw {wildcards.figure} of {wildcards.study}"

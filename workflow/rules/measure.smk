@@ -1,21 +1,21 @@
 rule measure_case:
     input:
         mesh=mesh_of_case,
-        case="results/cases/{case}/case.json",
-        frames="results/cases/{case}/frames.nc",
-        volumes="results/cases/{case}/volumes.nc",
+        case=RESULTS.case("{case}").described,
+        frames=RESULTS.case("{case}").frames,
+        volumes=RESULTS.case("{case}").volumes,
     output:
-        "results/cases/{case}/measures.nc",
+        RESULTS.case("{case}").measures,
     log:
-        "results/logs/measure_case/{case}.log",
+        RESULTS.log("measure_case", "{case}"),
     benchmark:
-        "results/benchmarks/measure_case/{case}.tsv"
+        RESULTS.benchmark("measure_case", "{case}")
     conda:
         "../envs/limo.yaml"
     params:
         wanted=lambda wildcards: PLAN.wanted[wildcards.case].to_dict(),
         fatigue=fatigue_of,
-        code=code_digest(MEASURE_CODE),
+        code=code_digest("measure_case"),
     message:
         "Measure {wildcards.case}"
     script:
@@ -25,19 +25,19 @@ rule measure_case:
 rule write_fields:
     input:
         mesh=mesh_of_case,
-        case="results/cases/{case}/case.json",
-        frames="results/cases/{case}/frames.nc",
-        measures="results/cases/{case}/measures.nc",
+        case=RESULTS.case("{case}").described,
+        frames=RESULTS.case("{case}").frames,
+        measures=RESULTS.case("{case}").measures,
     output:
-        directory("results/cases/{case}/fields"),
+        directory(RESULTS.case("{case}").fields),
     log:
-        "results/logs/write_fields/{case}.log",
+        RESULTS.log("write_fields", "{case}"),
     conda:
         "../envs/limo.yaml"
     params:
         wanted=lambda wildcards: PLAN.wanted[wildcards.case].to_dict(),
         fatigue=fatigue_of,
-        code=code_digest((*FIELD_CODE, "vtu")),
+        code=code_digest("write_fields"),
     message:
         "Write the fields of {wildcards.case} for ParaView"
     script:

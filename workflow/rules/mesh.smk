@@ -1,16 +1,16 @@
 rule mesh_device:
     output:
-        "results/meshes/{mesh}.vtu",
+        RESULTS.mesh("{mesh}"),
     log:
-        "results/logs/mesh_device/{mesh}.log",
+        RESULTS.log("mesh_device", "{mesh}"),
     benchmark:
-        "results/benchmarks/mesh_device/{mesh}.tsv"
-    priority: lambda wildcards: MESH_PRIORITIES.get(wildcards.mesh, 0)
+        RESULTS.benchmark("mesh_device", "{mesh}")
+    priority: lambda wildcards: planned_mesh(wildcards.mesh).mesh_priorities.get(wildcards.mesh, 0)
     conda:
         "../envs/limo.yaml"
     params:
         content=mesh_content,
-        code=code_digest(MESH_CODE),
+        code=code_digest("mesh_device"),
     message:
         "Mesh {wildcards.mesh}"
     script:

@@ -2,7 +2,7 @@ rule page:
     input:
         templates=expand(f"{workflow.basedir}/scripts/limo/page/{{file}}", file=TEMPLATES),
         # by their whole paths, which are no rule's output: nothing is solved or gathered for the page
-        found=lambda wildcards: sources(Path("results"), LOADED.studies),
+        found=lambda wildcards: sources(RESULTS.root, PROJECT.studies),
     output:
         "results/index.html",
     log:
@@ -10,8 +10,8 @@ rule page:
     conda:
         "../envs/limo.yaml"
     params:
-        studies=lambda wildcards: {name: (study.description, study.figures) for name, study in LOADED.studies.items()},
-        code=code_digest(PAGE_CODE),
+        studies=lambda wildcards: {name: (study.description, study.figures) for name, study in PROJECT.studies.items()},
+        code=code_digest("write_page"),
     message:
         "Gather what is there into a page"
     script:

@@ -1,36 +1,18 @@
-# The studies of the paper; their cases are shared, and each is solved once.
-PAPER = [
-    "kinematics",
-    "pressure_volume",
-    "buckling",
-    "afterload",
-    "stress",
-    "fatigue",
-    "strain_paths",
-    "valve_support",
-    "compliance",
-    "deformation",
-    "symmetry",
-]
-
-
 rule fit_material:
     input:
-        data=LOADED.config.tensile_test.files,
-        style=f"{workflow.basedir}/scripts/limo/figures/style.py",
-        figure=f"{workflow.basedir}/scripts/limo/figures/tensile_test.py",
+        data=PROJECT.config.tensile_test.files,
     output:
-        dataset="results/material/tensile_test.nc",
-        table="results/material/tensile_test.csv",
-        png=report("results/material/tensile_test.png", caption="../report/tensile_test.rst", category="material"),
-        pdf="results/material/tensile_test.pdf",
+        dataset=RESULTS.material("nc"),
+        table=RESULTS.material("csv"),
+        png=report(RESULTS.material("png"), caption="../report/tensile_test.rst", category="material"),
+        pdf=RESULTS.material("pdf"),
     log:
         "results/logs/fit_material.log",
     conda:
         "../envs/limo.yaml"
     params:
-        test=LOADED.config.tensile_test.model_dump(mode="json"),
-        code=code_digest(TENSILE_CODE),
+        test=PROJECT.config.tensile_test.model_dump(mode="json"),
+        code=code_digest("fit_material"),
     message:
         "Fit the modulus of the fabric"
     script:
@@ -39,7 +21,7 @@ rule fit_material:
 
 rule check_paper:
     input:
-        expand("results/studies/{study}/study.nc", study=[name for name in PAPER if name in LOADED.studies]),
+        [RESULTS.study(name).dataset for name in PAPER if name in PROJECT.studies],
     output:
         table="results/paper_check.csv",
         page="results/paper_check.md",
@@ -48,7 +30,7 @@ rule check_paper:
     conda:
         "../envs/limo.yaml"
     params:
-        code=code_digest(("paper_check",)),
+        code=code_digest("check_paper"),
     message:
         "Test the statements of the paper"
     script:
@@ -64,7 +46,7 @@ rule material:
 
 rule paper:
     input:
-        [study_targets(name) for name in PAPER if name in LOADED.studies],
+        partial(targets_of, PAPER),
         rules.fit_material.output,
         rules.check_paper.output,
     message:

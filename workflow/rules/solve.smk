@@ -3,25 +3,25 @@ rule solve_case:
         # its name says what it is made of, and params.code by which code: clocks that jump say nothing
         mesh=ancient(mesh_of_case),
     output:
-        case="results/cases/{case}/case.json",
-        status="results/cases/{case}/status.json",
-        volumes="results/cases/{case}/volumes.nc",
-        frames="results/cases/{case}/frames.nc",
+        case=RESULTS.case("{case}").described,
+        status=RESULTS.case("{case}").status,
+        volumes=RESULTS.case("{case}").volumes,
+        frames=RESULTS.case("{case}").frames,
     log:
-        "results/logs/solve_case/{case}.log",
+        RESULTS.log("solve_case", "{case}"),
     benchmark:
-        "results/benchmarks/solve_case/{case}.tsv"
-    priority: lambda wildcards: PRIORITIES.get(wildcards.case, 0)
+        RESULTS.benchmark("solve_case", "{case}")
+    priority: lambda wildcards: planned_for(wildcards.case).priorities.get(wildcards.case, 0)
     conda:
         "../envs/limo.yaml"
-    threads: LOADED.config.solver.threads
+    threads: PROJECT.config.solver.threads
     resources:
-        predicted_seconds=lambda wildcards: round(COSTS.get(wildcards.case, 0)),
+        predicted_seconds=lambda wildcards: round(planned_for(wildcards.case).costs.get(wildcards.case, 0)),
         attempt_seconds=lambda wildcards: attempt_seconds(wildcards.case),
     params:
-        case=lambda wildcards: PLAN.cases[wildcards.case].to_dict(),
-        code=lambda wildcards: solve_code(PLAN.cases[wildcards.case].engine),
-        recovery=lambda wildcards: PLAN.recovery_of(wildcards.case),
+        case=case_to_solve,
+        code=lambda wildcards: solve_code(case_of(wildcards).engine),
+        recovery=lambda wildcards: planned_for(wildcards.case).plan.recovery_of(wildcards.case),
     message:
         "Solve {wildcards.case}, predicted {resources.predicted_seconds} s of CPU time"
     script:

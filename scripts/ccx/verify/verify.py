@@ -13,10 +13,10 @@ from pathlib import Path
 
 import numpy as np
 
-from limo.config import Solver
-from limo.engines import calculix
+from limo.engines.calculix import run as calculix
+from limo.engines.calculix.frd import FrdFile
 from limo.errors import ResultError
-from limo.frd import FrdFile
+from limo.schema.solver import Solver
 
 HERE = Path(__file__).parent
 DECKS = tuple(sorted(HERE.glob("*.inp")))

@@ -7,18 +7,16 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import xarray as xr
 
 from limo.bench.curves import LOADING, SAME_PRESSURE, Curves, Expected, read_curves
-from limo.bench.schema import MeasuredCurves
-from limo.config import Loaded, Study
-from limo.dataset import CASE_DIMS, CURVE_DIMS
-from limo.errors import ConfigError, ResultError
-from limo.files import UNREADABLE
+from limo.cases.grid import GridPoint
+from limo.config.project import Project
+from limo.errors import ConfigError
+from limo.schema.bench import MeasuredCurves
 
 #: what is compared: units and meaning
 QUANTITIES = {
@@ -34,11 +32,12 @@ _SHORT, _BEYOND, _HIGHEST = 0.2, 2.2, 140.0
 _SMALLEST, _LARGEST = 0.002, 1.0
 
 
-def expected_of(loaded: Loaded, study: Study) -> Expected:
+def expected_of(project: Project, name: str) -> Expected:
     """What a study leads to expect of measurements that are laid over it."""
+    study = project.studies[name]
     pressures = study.axes.ventricular_pressure
     maxima = [study.maximum_for(p) for p in pressures]
-    lengths = [setting.device.pattern.length for setting in loaded.settings(study).values()]
+    lengths = [setting.device.pattern.length for setting in project.settings(name).values()]
     return Expected(
         (max(min(pressures), _SHORT * min(maxima)), max(min(_BEYOND * max(maxima), _HIGHEST), 1.05 * max(maxima))),
         (_SMALLEST * min(lengths) ** 3 / 1000, _LARGEST * max(lengths) ** 3 / 1000),
@@ -47,13 +46,13 @@ def expected_of(loaded: Loaded, study: Study) -> Expected:
     )
 
 
-def study_curves(loaded: Loaded, name: str, measured: MeasuredCurves | None = None) -> Curves | None:
+def study_curves(project: Project, name: str, measured: MeasuredCurves | None = None) -> Curves | None:
     """The measured curves of a study, or others for it; None where it has none. Raises ``ConfigError``."""
-    study = loaded.studies[name]
+    study = project.studies[name]
     measured = measured or study.measured_curves
     if measured is None:
         return None
-    expected = expected_of(loaded, study)
+    expected = expected_of(project, name)
     curves = read_curves(measured, expected)
     highest = max(study.maximum_for(p) for p in study.axes.ventricular_pressure)
     beyond = int((curves.table.actuation_pressure > highest + 1e-6).sum())
@@ -157,8 +156,8 @@ def comparison(dataset: xr.Dataset, curves: Curves, measured: MeasuredCurves) ->
     ``dataset`` has the dimensions of cases and of curves that a study has. What was not measured is NaN, with the reason in
     ``measured_reason``.
     """
-    dims = tuple(d for d in dataset.case_status.dims if d in CASE_DIMS)
-    curve_dims = (*dims, CURVE_DIMS[-1])
+    dims = tuple(d for d in dataset.case_status.dims if d in GridPoint._fields)
+    curve_dims = (*dims, "actuation_pressure")
     pressures = dataset.actuation_pressure.values
     references = _references(curves, pressures)
     shape = tuple(dataset.sizes[d] for d in dims)
@@ -216,86 +215,10 @@ def _no_reference(references: list[_Reference], pressure: float) -> str:
     return f"not measured at P_v = {pressure:g} kPa"
 
 
-def with_comparison(dataset: xr.Dataset, loaded: Loaded, name: str) -> xr.Dataset:
+def with_comparison(dataset: xr.Dataset, project: Project, name: str) -> xr.Dataset:
     """A study's dataset with the comparison to its measured curves; the same without any."""
-    curves = study_curves(loaded, name)
+    curves = study_curves(project, name)
     if curves is None:
         return dataset
-    found = comparison(dataset, curves, loaded.studies[name].measured_curves)
+    found = comparison(dataset, curves, project.studies[name].measured_curves)
     return dataset.merge(found).assign_attrs(found.attrs)
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# the table
-
-
-def measured_table(loaded: Loaded, name: str, results: Path, measured: MeasuredCurves | None = None) -> str:
-    """What was understood of the measured curves of a study, a line a case with its errors, and efficiencies side by side.
-
-    Raises ``ConfigError`` for curves that cannot be read or a study without any, ``ResultError`` for a dataset that is none.
-    """
-    from limo.tables import SYMBOLS, place
-
-    curves = study_curves(loaded, name, measured)
-    if curves is None:
-        expected = "measured curves: the key measured of the study, or a file as an option"
-        raise ConfigError(loaded.files[f"studies/{name}"], "measured", None, expected, f"limo measured {name} --data mine.csv")
-    lines = [*curves.understood]
-    file = results / "studies" / name / "study.nc"
-    if not file.exists():
-        return "\n".join([*lines, f"{file}: not gathered yet, nothing to compare with; snakemake --cores 2 {name} does that"])
-    try:
-        with xr.open_dataset(file) as opened:
-            dataset = opened.load()
-    except UNREADABLE as error:
-        raise ResultError(f"{file}: not a study's dataset ({error})") from None
-    found = comparison(dataset, curves, measured or loaded.studies[name].measured_curves)
-    dims = list(dataset.case_status.dims)
-    rows = []
-    for index in np.ndindex(*(dataset.sizes[d] for d in dims)):
-        at = dict(zip(dims, index, strict=True))
-        case, errors = dataset.isel(at), found.isel(at)
-        low, high = errors.measured_range.values
-        rows.append(
-            {SYMBOLS[d]: place(case[d].item()) for d in dims if dataset.sizes[d] > 1 or d == "n_pouches"}
-            | {f"error of {label}": _percent(errors[f"measured_error_{quantity}"]) for quantity, label in _LABELS.items()}
-            | {
-                "P_a [kPa]": f"{low:g} to {high:g}" if np.isfinite(low) else "-",
-                "N_p": place(case.n_pouches.item()) + (" (beyond)" if int(errors.measured_beyond) else ""),
-                "status": str(case.case_status.values),
-                "": str(errors.measured_reason.values),
-            }
-        )
-    lines += ["", "relative L2 errors, measured curves interpolated to N_p:", pd.DataFrame(rows).to_string(index=False)]
-    if np.isfinite(found.measurement_efficiency_90ml).any():
-        lines += ["", "efficiency at a stroke of 90 ml:", *_efficiencies(dataset, found)]
-    return "\n".join(lines)
-
-
-_LABELS = {"io_ratio": "dV_v/dV_a", "stroke_volume": "stroke", "actuation_volume_change": "dV_a"}
-
-
-def _percent(value: xr.DataArray) -> str:
-    return f"{float(value):.1%}" if np.isfinite(value) else "-"
-
-
-def _efficiencies(dataset: xr.Dataset, found: xr.Dataset) -> list[str]:
-    """A line a measured device, and one for each simulated N_p at the same P_v."""
-    lines = []
-    for k in range(found.sizes["measurement"]):
-        one = found.isel(measurement=k)
-        pressure, count = float(one.measurement_ventricular_pressure), float(one.measurement_n_pouches)
-        if np.isfinite(one.measurement_efficiency_90ml):
-            where = f"P_v = {pressure:g} kPa" if np.isfinite(pressure) else "P_v unknown"
-            lines.append(f"  measured, N_p = {count:g}, {where}: {float(one.measurement_efficiency_90ml):.1%}")
-    rest = {d: 0 for d in dataset.case_status.dims if d not in ("n_pouches", "ventricular_pressure")}
-    for pressure in dataset.ventricular_pressure.values:
-        at = found.measurement_ventricular_pressure
-        if not (np.abs(at - pressure) < SAME_PRESSURE).any():
-            continue
-        eta = dataset.efficiency_90ml.isel(rest).sel(ventricular_pressure=pressure)
-        lines += [
-            f"  simulated, N_p = {n}, P_v = {pressure:g} kPa: {_percent(e)}"
-            for n, e in zip(eta.n_pouches.values, eta, strict=True)
-        ]
-    return lines

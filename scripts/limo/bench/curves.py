@@ -12,10 +12,10 @@ import pandas as pd
 
 from limo.bench import units
 from limo.bench.names import CURVES
-from limo.bench.schema import MeasuredCurves
 from limo.bench.table import Column, Table, in_wanted_unit, is_assumed, read_table
-from limo.efficiency import efficiency_at_stroke
 from limo.errors import ConfigError
+from limo.measure.efficiency import efficiency_at_stroke
+from limo.schema.bench import MeasuredCurves
 
 #: columns of the table of measured curves
 COLUMNS = (

@@ -7,9 +7,10 @@ import re
 import tempfile
 from pathlib import Path
 
-from limo.config import Device, parse, read_yaml
+from limo.config.yaml_file import parse, read_yaml
 from limo.errors import LimoError
-from limo.files import write_whole
+from limo.schema.device import Device
+from limo.store.files import write_whole
 
 _MODULUS = re.compile(r"(?<![\w.])youngs_modulus:[ \t]*(?P<value>[-+.\deE]+)")
 _ORIGIN = re.compile(r"modulus_origin:[ \t]*(?P<value>\"(?:[^\"\\]|\\.)*\"|'(?:[^']|'')*'|[^,}\n#]+?)(?=[ \t]*(?:[,}\n#]|$))")

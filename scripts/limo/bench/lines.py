@@ -11,9 +11,9 @@ import numpy as np
 
 from limo.bench import units
 from limo.bench.numbers import Numbers
-from limo.bench.schema import Layout
 from limo.bench.text import Cells, fields_of, is_number
 from limo.errors import ConfigError
+from limo.schema.bench import Layout
 
 #: lines of words above the numbers that are looked at
 _HEAD = 8

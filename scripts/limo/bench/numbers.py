@@ -9,9 +9,9 @@ import numpy as np
 import pandas as pd
 
 from limo.bench import units
-from limo.bench.schema import Layout
 from limo.bench.text import Cells
 from limo.errors import ConfigError
+from limo.schema.bench import Layout
 
 #: what stands where a value is missing
 GAPS = {

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from limo.bench.names import TENSILE
-from limo.bench.schema import SIZES, Coupon, TensileTest
 from limo.bench.table import Column, Table, in_wanted_unit, is_assumed, read_table
 from limo.errors import ConfigError
+from limo.schema.bench import SIZES, Coupon, TensileTest
 
 #: a specimen has as many points
 _FEWEST = 3

@@ -16,9 +16,9 @@ from limo.bench import units
 from limo.bench.lines import Block, Body, Head, check_comments, check_texts, check_widths, find_body, find_head
 from limo.bench.names import Meaning, Vocabulary, understand
 from limo.bench.numbers import Numbers, to_numbers
-from limo.bench.schema import Layout
 from limo.bench.text import Cells, read_cells
 from limo.errors import ConfigError
+from limo.schema.bench import Layout
 
 
 @dataclass(frozen=True)

@@ -12,9 +12,9 @@ import pandas as pd
 import xarray as xr
 
 from limo.bench.line import Line, find_line, fit_paper, fit_window
-from limo.bench.schema import PLAUSIBLE_MODULUS, SIZES, TensileTest
 from limo.bench.specimens import Reading, Specimen, read_specimens
 from limo.errors import ConfigError
+from limo.schema.bench import PLAUSIBLE_MODULUS, SIZES, TensileTest
 
 #: moduli (MPa) and strains at the largest force that are believed of files that name no unit
 _WITHOUT_UNITS, _STRAINS_WITHOUT_UNITS = (5.0, 50_000.0), (1e-3, 10.0)

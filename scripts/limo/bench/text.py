@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from limo.bench.schema import SEPARATORS, Layout
 from limo.errors import ConfigError
+from limo.schema.bench import SEPARATORS, Layout
 
 #: lines of a file that its separator is recognised by, and columns that no file has more of
 _SAMPLE, _WIDEST = 120, 2000

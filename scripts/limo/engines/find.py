@@ -1,30 +1,32 @@
-"""Which engines a configuration uses, whether they are there, and which builds of them."""
+"""Engines by their names. An engine is imported when it is asked for, and its libraries when it solves."""
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Collection
-from pathlib import Path
 
-from limo.config import Loaded
-from limo.engines import calculix, pardiso
+from limo.engines.engine import Build, Engine
+from limo.errors import LimoError
+from limo.schema.solver import Solver
 
 
-def find_engines(loaded: Loaded, config_file: str) -> Path | None:
-    """Find the engines that the studies use and note their builds in ``loaded``; returns CalculiX's executable if it is used.
+def find_engine(name: str) -> Engine:
+    """The engine of a name."""
+    return importlib.import_module(f"limo.engines.{name}.engine")
 
-    Raises ``ConfigError`` or ``SolverNotFoundError``.
+
+def find_builds(
+    solver: Solver, config_file: str, engines: Collection[str], needed: Collection[str] | None = None
+) -> dict[str, Build]:
+    """The builds of engines by their names; one that is not ``needed`` (default: all are) may be lacking and is left out.
+
+    Raises ``ConfigError`` or ``SolverNotFoundError`` for one that is needed and is not there.
     """
-    used = {engine for study in loaded.studies.values() for engine in loaded.engines_of(study)}
-    used.update(loaded.config.stress_test.engines if loaded.config.stress_test else ())
-    return find_builds(loaded, config_file, used)
-
-
-def find_builds(loaded: Loaded, config_file: str, engines: Collection[str]) -> Path | None:
-    """The same for ``engines``, whoever uses them."""
-    if "newton" in engines:
-        loaded.builds["newton"] = f"mkl-{pardiso.mkl_version()}"
-    if "calculix" not in engines:
-        return None
-    command = calculix.find_ccx(loaded.config.solver, config_file)
-    loaded.builds["calculix"] = calculix.build_id(command)
-    return command
+    builds = {}
+    for name in sorted(engines):
+        try:
+            builds[name] = find_engine(name).build(solver, config_file)
+        except LimoError:
+            if needed is None or name in needed:
+                raise
+    return builds

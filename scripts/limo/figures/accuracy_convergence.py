@@ -9,9 +9,12 @@ import xarray as xr
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullLocator, ScalarFormatter
 
-from limo.device_errors import PAPER_CHAMFER, PAPER_HEIGHT, rows_of
+from limo.accuracy.errors import PAPER_HEIGHT
+from limo.accuracy.statistics import PAPER_CHAMFER, rows_of
 from limo.figures import style
 from limo.figures.accuracy_cost import MARKERS
+
+LINES = {"newton": "-", "calculix": "--"}
 
 
 def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
@@ -30,16 +33,16 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
         max(len(names), 1), 3, figsize=(9.0, 2.8 * max(len(names), 1) + 0.7), layout="constrained", squeeze=False
     )
     for device, line in zip(names, axes, strict=False):
-        of = rows[rows.device == device]
-        for index, row in of.iterrows():
+        group = rows[rows.device == device]
+        for index, row in group.iterrows():
             color, marker = colors[row.level], MARKERS[row.engine]
             pressure, height = dataset.frame_pressure.values[index], dataset.frame_height.values[index]
             if row.branch == 0:
-                line[0].plot(pressure, height, "-" if row.engine == "newton" else "--", color=color, lw=1.2)
+                line[0].plot(pressure, height, LINES[row.engine], color=color, lw=1.2)
             look = {"color": color, "marker": marker, "ls": "", "ms": 5, "mfc": color if row.branch == 0 else "none"}
             line[1].plot(row.degrees_of_freedom / 1000, row.height, **look)
             line[2].plot(row.degrees_of_freedom / 1000, row.error_chamfer, **look)
-        _reference(line[1], of)
+        _reference(line[1], group)
         line[0].set(xlabel="$P_a$ [kPa]", ylabel="Largest $w/L$ [-]")
         line[1].set(ylabel="Largest $w/L$ at $P_{a,max}$ [-]")
         line[2].set(ylabel="Chamfer distance $d_c/L$ [-]")
@@ -52,9 +55,7 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
             )
         line[0].set_title(device, loc="left")
     handles = [Line2D([], [], color=c, label=level) for level, c in colors.items()]
-    handles += [
-        Line2D([], [], color="black", ls=ls, marker=MARKERS[e], label=e) for e, ls in (("newton", "-"), ("calculix", "--"))
-    ]
+    handles += [Line2D([], [], color="black", ls=ls, marker=MARKERS[e], label=e) for e, ls in LINES.items()]
     handles += [Line2D([], [], color="black", ls="", marker="o", mfc="none", label="other branches")]
     handles += [plt.Rectangle((0, 0), 1, 1, color="0.85", label="2 % around the reference")]
     handles += [Line2D([], [], color="0.5", lw=0.8, ls=":", label="$d_c/L$ of the paper")]

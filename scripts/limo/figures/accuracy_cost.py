@@ -8,7 +8,7 @@ import pandas as pd
 import xarray as xr
 from matplotlib.lines import Line2D
 
-from limo.device_errors import pareto, rows_of, scatter_row, settings_of
+from limo.accuracy.statistics import pareto, rows_of, scatter_row, settings_of
 from limo.figures import style
 
 #: errors of the panels of a device
@@ -33,9 +33,9 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
     plt.rcParams.update(style.SETTINGS)
     figure, axes = plt.subplots(len(names), 2, figsize=(9.0, 3.6 * len(names) + 0.7), layout="constrained", squeeze=False)
     for device, line in zip(names, axes, strict=True):
-        of = rows[rows.device == device]
+        group = rows[rows.device == device]
         for axis, (error, label) in zip(line, PANELS, strict=True):
-            _panel(axis, of, error)
+            _panel(axis, group, error)
             axis.set(xlabel="CPU time of a case [s]", ylabel=label)
             axis.set_title(device, loc="left")
     handles = [Line2D([], [], ls="", marker="o", color=c, label=_NAMES.get(n, n)) for n, c in COLORS.items()]
@@ -99,10 +99,16 @@ def _panel(axis, rows: pd.DataFrame, error: str) -> None:
             fontsize=6,
         )
     for row in known[known.preset != ""].itertuples():
-        at = row.cpu_seconds, max(getattr(row, error), 1.06 * bottom)
-        axis.plot(*at, marker="*", ms=14, mfc="none", color="black", ls="")
+        position = row.cpu_seconds, max(getattr(row, error), 1.06 * bottom)
+        axis.plot(*position, marker="*", ms=14, mfc="none", color="black", ls="")
         axis.annotate(
-            f"preset {row.preset}", at, xytext=(0, -12), textcoords="offset points", fontsize=6.5, fontweight="bold", ha="center"
+            f"preset {row.preset}",
+            position,
+            xytext=(0, -12),
+            textcoords="offset points",
+            fontsize=6.5,
+            fontweight="bold",
+            ha="center",
         )
     axis.set_ylim(bottom, None)
     axis.margins(x=0.12)

@@ -7,7 +7,7 @@ import pandas as pd
 import xarray as xr
 from matplotlib.lines import Line2D
 
-from limo.device_errors import exponent, models_of, rows_of, scaling_of, sizes_of
+from limo.accuracy.statistics import exponent, models_of, rows_of, scaling_of, sizes_of
 from limo.figures import style
 from limo.figures.accuracy_cost import MARKERS
 
@@ -33,14 +33,14 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
     for axis, (name, label) in zip(axes, PANELS, strict=True):
         for engine, each in sizes.groupby("engine") if name in sizes else ():
             axis.plot(each.displacements, each[name], ls="", marker="x", color=_COLORS[engine], ms=5)
-        for engine, of in rows.groupby("engine", sort=False):
+        for engine, group in rows.groupby("engine", sort=False):
             color = _COLORS[engine]
-            for device, each in of.groupby("device", sort=False):
+            for device, each in group.groupby("device", sort=False):
                 fill = _FILLS[names.index(device) % len(_FILLS)]
                 axis.plot(
                     each.solved_degrees_of_freedom, each[name], ls="", marker=MARKERS[engine], color=color, ms=4.5, fillstyle=fill
                 )
-            models = models_of(of, sizes if name in sizes else sizes[:0])
+            models = models_of(group, sizes if name in sizes else sizes[:0])
             power, factor = exponent(models.displacements, models[name])
             if np.isfinite(power):
                 size = np.array([models.displacements.min(), models.displacements.max()])

@@ -10,9 +10,10 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection
 from matplotlib.colors import Normalize
 
-from limo.device_errors import SECTION, rows_of
+from limo.accuracy.statistics import rows_of
+from limo.accuracy.surfaces import SECTION
 from limo.figures import style
-from limo.figures.surface import mirrors
+from limo.mesh.surface import mirrors
 
 
 def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
@@ -32,8 +33,8 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
     shown = shown[shown > 0]
     norm = Normalize(*((shown.min(), shown.max()) if shown.size else (0.0, 1.0)))
     for device, line in zip(names, axes, strict=False):
-        of = rows[rows.device == device].sort_values("degrees_of_freedom")
-        for axis, (index, row) in zip(line, of.iterrows(), strict=False):
+        group = rows[rows.device == device].sort_values("degrees_of_freedom")
+        for axis, (index, row) in zip(line, group.iterrows(), strict=False):
             pressure = dataset.frame_pressure.values[int(dataset.section_run[index])]
             _cuts(axis, dataset.sections.values[index], pressure, row.symmetry, norm)
             axis.set_axis_on()

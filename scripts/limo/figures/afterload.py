@@ -85,12 +85,12 @@ def _bars(axis, dataset: xr.Dataset) -> None:
     pouches, pressures = dataset.n_pouches.values, dataset.ventricular_pressure.values
     width = 0.8 / len(pressures)
     for j, p_v in enumerate(pressures):
-        at = np.arange(len(pouches)) + (j - (len(pressures) - 1) / 2) * width
+        positions = np.arange(len(pouches)) + (j - (len(pressures) - 1) / 2) * width
         efficiency = dataset.efficiency_90ml.sel(ventricular_pressure=p_v)
-        style.bars_of_branches(axis, at, efficiency, 100)
+        style.bars_of_branches(axis, positions, efficiency, 100)
         eta = 100 * style.first_branch(efficiency).values
-        axis.bar(at, np.nan_to_num(eta), width=0.9 * width, color=COLORS[j % len(COLORS)])
-        axis.plot(at[~np.isfinite(eta)], np.full((~np.isfinite(eta)).sum(), 2.0), "x", ms=4, color=COLORS[j % len(COLORS)])
+        axis.bar(positions, np.nan_to_num(eta), width=0.9 * width, color=COLORS[j % len(COLORS)])
+        axis.plot(positions[~np.isfinite(eta)], np.full((~np.isfinite(eta)).sum(), 2.0), "x", ms=4, color=COLORS[j % len(COLORS)])
     axis.set_xticks(np.arange(len(pouches)), [f"{n}" for n in pouches])
     axis.set(xlabel="Pouches $N_p$", ylabel="Efficiency at 90 ml $\\eta$ [%]", ylim=(0, 100))
     axis.grid(axis="x", visible=False)

@@ -34,8 +34,8 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
     table["cpu_seconds"] /= table.cpu_seconds[table.status == "converged"].min()
     lowest = _SHOWN_FROM * table.height.max()
     drawn = dict.fromkeys(COLORS.values(), 0)
-    for series, of in table.groupby("series", sort=False):
-        good, failed, element = of[of.status == "converged"], of[of.status != "converged"], of.element.iloc[0]
+    for series, group in table.groupby("series", sort=False):
+        good, failed, element = group[group.status == "converged"], group[group.status != "converged"], group.element.iloc[0]
         color = COLORS[element]
         marker, line = _LOOKS[drawn[color] % len(_LOOKS)]
         drawn[color] += 1

@@ -39,10 +39,10 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
     side = dataset.attrs["side"]
     table = dataset.drop_vars("displacement").to_dataframe().reset_index()
     groups = list(table.groupby("series", sort=False))
-    rows = min(_ROWS, max(len(of) for _, of in groups))
+    rows = min(_ROWS, max(len(group) for _, group in groups))
     figure = plt.figure(figsize=(1.35 * len(groups), 1.35 * rows + 0.9), layout="constrained")
-    for j, (series, of) in enumerate(groups):
-        for i, (index, row) in enumerate(of.tail(rows).iterrows()):
+    for j, (series, group) in enumerate(groups):
+        for i, (index, row) in enumerate(group.tail(rows).iterrows()):
             axis = figure.add_subplot(rows, len(groups), i * len(groups) + j + 1, projection="3d", computed_zorder=False)
             place, size = surface(dataset.isel(run=index), side)
             if len(place):

@@ -8,11 +8,11 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from limo.config import Fatigue
-from limo.fatigue import cycles_to_failure
 from limo.figures import pictures
 from limo.figures.render import Scale, Scene
-from limo.figures.surface import Facets, facets
+from limo.measure.fatigue import cycles_to_failure
+from limo.mesh.surface import Facets, facets
+from limo.schema.fatigue import Fatigue
 
 
 def cycles_of(amplitude: np.ndarray, distance: np.ndarray, fatigue: Fatigue) -> np.ndarray:
@@ -42,9 +42,9 @@ def pictures_of(case: xr.Dataset, scale: Scale, fatigue: Fatigue, pixels: int = 
     surface = pictures.device(case, case.displacement.values[frame], values)
     length = float(case.device_length)
 
-    def image(found: Facets, camera) -> np.ndarray:
-        found = replace(found, values=cycles_of(*found.values.T, fatigue))
-        return pictures.picture(Scene().add(found, scale=scale), camera, length, pixels)
+    def image(shown_facets: Facets, camera) -> np.ndarray:
+        shown_facets = replace(shown_facets, values=cycles_of(*shown_facets.values.T, fatigue))
+        return pictures.picture(Scene().add(shown_facets, scale=scale), camera, length, pixels)
 
     return image(pictures.flat_facets(surface), pictures.REFERENCE), image(facets(surface), pictures.DEFORMED)
 

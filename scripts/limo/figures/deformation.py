@@ -8,7 +8,7 @@ import xarray as xr
 
 from limo.figures import pictures
 from limo.figures.render import Scale, Scene
-from limo.figures.surface import facets
+from limo.mesh.surface import facets
 
 #: pressures of the columns: what is added to P_v in kPa, None for P_a = 0; beyond P_a,max the highest P_a stands for it
 COLUMNS = (None, 10.0, 20.0, 40.0, 60.0)
@@ -25,9 +25,9 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None, shapes: xr.Dataset)
     scale = Scale("viridis", 0.0, pictures.rounded_up(_largest(shapes)))
     grid = pictures.Grid(width=1.3, top=0.25 if others else 0.05, block=(lines if others else 0, len(COLUMNS)))
     figure, axes = pictures.picture_figure(down * lines, across * len(COLUMNS), grid)
-    for k, (block, found) in enumerate(zip(blocks, cases, strict=True)):
+    for k, (block, solution) in enumerate(zip(blocks, cases, strict=True)):
         first, left = k // across * lines, k % across * len(COLUMNS)
-        for row, case in zip(axes[first : first + lines, left : left + len(COLUMNS)], found, strict=True):
+        for row, case in zip(axes[first : first + lines, left : left + len(COLUMNS)], solution, strict=True):
             _row(row, case, scale, pictures.empty_reason(dataset, case))
             pictures.row_label(row[0], pictures.names(case, others or ["n_pouches"]))
         if others:

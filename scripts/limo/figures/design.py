@@ -28,9 +28,9 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None, shapes: xr.Dataset)
     )
     for letter, axis in zip("abcd", axes, strict=True):
         axis.set_title(f"({letter})", loc="left")
-    found = [pictures.branches_of(dataset, case) for case in cases]
+    solutions = [pictures.branches_of(dataset, case) for case in cases]
     labels = [pictures.names(case, dims) or pictures.names(case, ["n_pouches"]) for case in cases]
-    for k, (branches, name) in enumerate(zip(found, labels, strict=True)):
+    for k, (branches, name) in enumerate(zip(solutions, labels, strict=True)):
         curves, color = style.first_branch(branches), style.COLORS[k % len(style.COLORS)]
         for axis, (variable, _) in zip(axes, panels, strict=False):
             style.curve(axis, curves, variable, color, label=name)
@@ -45,7 +45,7 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None, shapes: xr.Dataset)
     ratio = dataset.io_ratio.values[np.isfinite(dataset.io_ratio.values)]
     axes[2].axhline(1.0, color="0.5", lw=0.8, ls="--", zorder=0)
     axes[2].set_ylim(0, max(2.0, 1.1 * np.quantile(ratio, 0.98)) if len(ratio) else 2.0)
-    _bars(axes[3], xr.concat([c.efficiency_90ml for c in found], "case"), labels)
+    _bars(axes[3], xr.concat([c.efficiency_90ml for c in solutions], "case"), labels)
     style.legend(above, handles, style.gaps(dataset), min(len(handles), max(len(cases), 5)))
     scale = stress_scale(shapes)
     pictures.pair_grid(dataset, shapes, lambda case: pictures_of(case, scale), below)
@@ -57,11 +57,11 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None, shapes: xr.Dataset)
 def _bars(axis, efficiencies: xr.DataArray, labels: list[str]) -> None:
     """Efficiency at 90 ml of each case with its number; a cross for one that does not reach 90 ml."""
     eta = 100 * style.first_branch(efficiencies).values
-    at = np.arange(len(eta))
-    style.bars_of_branches(axis, at, efficiencies, 100)
-    axis.bar(at, np.nan_to_num(eta), color=[style.COLORS[k % len(style.COLORS)] for k in at])
-    for k, value in zip(at, eta, strict=True):
+    positions = np.arange(len(eta))
+    style.bars_of_branches(axis, positions, efficiencies, 100)
+    axis.bar(positions, np.nan_to_num(eta), color=[style.COLORS[k % len(style.COLORS)] for k in positions])
+    for k, value in zip(positions, eta, strict=True):
         axis.text(k, np.nan_to_num(value) + 0.8, f"{value:.1f}" if np.isfinite(value) else "×", ha="center", fontsize=6.5)
-    axis.set_xticks(at, [text.rpartition("=")[2].strip() for text in labels])
+    axis.set_xticks(positions, [text.rpartition("=")[2].strip() for text in labels])
     axis.set(ylabel="Efficiency at 90 ml $\\eta$ [%]", xlabel=labels[0].rpartition("=")[0].strip(), ylim=(0, 100))
     axis.grid(axis="x", visible=False)

@@ -9,8 +9,8 @@ from matplotlib.patches import Patch
 
 from limo.figures import pictures
 from limo.figures.render import Camera, Scene
-from limo.figures.surface import Surface, facets
-from limo.mesh import LAYERS
+from limo.mesh.layers import LAYERS
+from limo.mesh.surface import Surface, facets
 
 DOMAINS = {
     "wall": ("wall", "#9ecae8"),

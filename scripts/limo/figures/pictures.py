@@ -15,9 +15,9 @@ from matplotlib.patches import Rectangle
 
 from limo.figures import style
 from limo.figures.render import Camera, Scale, Scene, render
-from limo.figures.surface import Facets, Surface, facets, full_device, surface_of
-from limo.judge import USABLE
-from limo.mesh import LAYERS
+from limo.mesh.layers import LAYERS
+from limo.mesh.surface import Facets, Surface, facets, full_device, surface_of
+from limo.store.statuses import USABLE
 
 SYMBOLS = {
     "n_pouches": "$N_p$ = {:g}",
@@ -243,10 +243,10 @@ def study_case(dataset: xr.Dataset, case: xr.Dataset) -> xr.Dataset:
 
 def empty_reason(dataset: xr.Dataset, case: xr.Dataset, otherwise: str = "") -> str:
     """Why a panel is empty: the case's status in the study's dataset, or why it has no shapes."""
-    found = study_case(dataset, case)
-    status = str(found.case_status.values)
+    selected = study_case(dataset, case)
+    status = str(selected.case_status.values)
     if status not in USABLE:
-        return f"{status}: {found.case_reason.values}"
+        return f"{status}: {selected.case_reason.values}"
     return str(case.shape_reason.values) or otherwise
 
 

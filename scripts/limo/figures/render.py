@@ -10,8 +10,8 @@ import matplotlib
 import numpy as np
 
 from limo.errors import LimoError
-from limo.figures import renderer_lacks
-from limo.figures.surface import Facets
+from limo.figures.renderer import renderer_lacks
+from limo.mesh.surface import Facets
 
 BORDER, PLAIN, UNKNOWN, LINE_WIDTH = "#202020", "#d5dbe0", "#c4c4c4", 2.4
 NEARER = 0.6  # mm by which lines are drawn nearer than the surface they lie on, so that it does not swallow them

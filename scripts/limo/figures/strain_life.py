@@ -7,11 +7,11 @@ import pandas as pd
 import xarray as xr
 from matplotlib.cm import ScalarMappable
 
-from limo.config import Fatigue
-from limo.fatigue import cycles_to_failure, strain_amplitude
 from limo.figures import pictures, style
 from limo.figures.cycles import life_scale, pictures_of
 from limo.figures.pressure_volume import curve_label
+from limo.measure.fatigue import cycles_to_failure, strain_amplitude
+from limo.schema.fatigue import Fatigue
 
 _MARKERS = ("o", "s", "^", "D", "v", "P", "*", "X")
 
@@ -48,8 +48,8 @@ def _curve(axis, dataset: xr.Dataset, fatigue: Fatigue) -> None:
             axis.plot([], [], **look | {"marker": "x"}, label=f"{curve_label(case, varying)}: not measured")
             continue
         life, _ = cycles_to_failure(np.array([amplitude]), fatigue)
-        at, note, mfc = (life[0], "", look["color"]) if np.isfinite(life[0]) else (last, ", endurance", "none")
-        axis.plot(at, amplitude, **look, mfc=mfc, label=curve_label(case, varying) + note)
+        end, note, mfc = (life[0], "", look["color"]) if np.isfinite(life[0]) else (last, ", endurance", "none")
+        axis.plot(end, amplitude, **look, mfc=mfc, label=curve_label(case, varying) + note)
         lowest = min(lowest, amplitude)
     axis.set(xlabel="Cycles to failure $N_f$ [-]", ylabel=r"Strain amplitude $\varepsilon_a$ [-]", xlim=(1, 2 * last))
     axis.set_ylim(0.6 * lowest, 1.5 * float((elastic + plastic)[0]))

@@ -8,8 +8,8 @@ import xarray as xr
 
 from limo.figures import pictures
 from limo.figures.render import PLAIN, Scale, Scene
-from limo.figures.surface import facets, mirrors
-from limo.mesh import LAYERS
+from limo.mesh.layers import LAYERS
+from limo.mesh.surface import facets, mirrors
 
 ROWS = {"epicardial": "outside", "endocardial": "inside, front cut away"}
 

@@ -8,7 +8,7 @@ import xarray as xr
 
 from limo.figures import pictures
 from limo.figures.render import Scale, Scene
-from limo.figures.surface import facets
+from limo.mesh.surface import facets
 
 
 def stress_scale(shapes: xr.Dataset) -> Scale:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from limo.tables import SYMBOLS
+from limo.datasets.variables import SYMBOLS
 
 _DIGITS = 6  # significant
 

@@ -15,20 +15,21 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from limo.case import Case
-from limo.config import Fatigue
+from limo.cases.case import Case
+from limo.datasets.shapes import mesh_values
 from limo.errors import LimoError, ResultError
 from limo.figures.cycles import cycles_of
 from limo.figures.pictures import rounded_up
-from limo.figures.surface import Surface, borders, divided, grid
-from limo.files import read_json
-from limo.layer import SIDES, inside_out, layer_state, nodal, surface_points
-from limo.measures import CaseFrames, open_case
-from limo.mesh import LAYERS, DeviceMesh
-from limo.model import Model
+from limo.measure.frames import CaseFrames, open_case
+from limo.measure.strain import inplane_angle, membrane_principal
+from limo.mechanics.layer import SIDES, inside_out, layer_state, nodal, surface_points
+from limo.mechanics.model import Model
+from limo.mesh.layers import LAYERS, DeviceMesh
+from limo.mesh.surface import Surface, borders, divided, grid
 from limo.page.packing import pack, pack_steps
-from limo.shapes import mesh_values
-from limo.strain import inplane_angle, membrane_principal
+from limo.schema.fatigue import Fatigue
+from limo.store.files import read_json
+from limo.store.results import CaseFiles, Results
 
 MOST_PRESSURES = 20  # of a case
 _FEWER = (MOST_PRESSURES, 15, 12, 10, 8, 6, 5, 4, 3, 2)  # what is tried until a page is small enough
@@ -85,10 +86,11 @@ class Devices:
         """Take a case in; one whose files cannot be used leaves a reason instead."""
         if case_id in self.cases or case_id in self.reasons:
             return
-        folder = self.results / "cases" / case_id
+        results = Results(self.results)
+        files = results.case(case_id)
         try:
-            case = Case.from_dict(read_json(folder / "case.json")["case"])
-            model, frames = open_case(case, self.results / "meshes" / f"{case.mesh_id}.vtu", folder)
+            case = Case.from_dict(read_json(files.described)["case"])
+            model, frames = open_case(case, results.mesh(case.mesh_id), files.folder)
             self.cases[case_id] = _case(model, frames) | {"mesh": case.mesh_id}
             self.meshes.setdefault(case.mesh_id, _mesh(model.mesh, case))
         except (LimoError, AttributeError, KeyError, TypeError, ValueError) as error:
@@ -108,11 +110,11 @@ class Devices:
             name, _ = kept.popitem()
             size -= sizes[name]
             self.reasons[name] = "left out of the 3D view to keep the page small"
-        said = [f"each case is shown at {pressures} of its stored pressures at most"]
+        notes = [f"each case is shown at {pressures} of its stored pressures at most"]
         if dropped := len(self.cases) - len(kept):
-            said.append(f"{dropped} of {len(self.cases)} cases are left out")
+            notes.append(f"{dropped} of {len(self.cases)} cases are left out")
         self.cases = kept
-        return "; ".join(said)
+        return "; ".join(notes)
 
     def plain(self) -> dict[str, Any]:
         """Meshes and cases with what is needed to read them."""
@@ -163,13 +165,13 @@ def _mesh(mesh: DeviceMesh, case: Case) -> dict[str, Any]:
 
 def _case(model: Model, frames: CaseFrames) -> dict[str, Any]:
     """A case at up to ``MOST_PRESSURES`` of its stored states."""
-    mesh, measured = model.mesh, _measured(frames.file.with_name("measures.nc"))
+    mesh, measured = model.mesh, _measured(CaseFiles(frames.file.parent).measures)
     wanted = json.loads(measured.attrs.get("wanted", "{}")).get("pressures", {})
     every = _stops(frames)
     stops = [every[k] for k in spread(len(every), MOST_PRESSURES)]
     _, node, _ = nodal(mesh, np.zeros((len(mesh.quads), 4)))
-    found = [_values(model, stop, node, wanted, frames.file) for stop in stops]
-    constant, near, shown = {}, 0.0, [*found]
+    by_stop = [_values(model, stop, node, wanted, frames.file) for stop in stops]
+    constant, near, shown = {}, 0.0, [*by_stop]
     if "fatigue" in wanted:
         fatigue = Fatigue.model_validate_json(measured.attrs["fatigue"])
         cycles, near = _cycles(mesh, measured, fatigue), fatigue.seam_distance.value
@@ -177,10 +179,10 @@ def _case(model: Model, frames: CaseFrames) -> dict[str, Any]:
         shown.append({"cycles": np.where(mesh_values(mesh)["seam_distance"] <= near, cycles, np.nan)})
     steps, limits = _scales(shown)
     return {
-        "symmetry": model.case.mesh.symmetry,
+        "symmetry": mesh.symmetry,
         "reach": {
             "flat": _reach([mesh.nodes]),
-            "deformed": _reach([mesh.nodes[node] + values["displacement"] for values in found]),
+            "deformed": _reach([mesh.nodes[node] + values["displacement"] for values in by_stop]),
         },
         "stored": len(every),
         "near": near,
@@ -189,7 +191,7 @@ def _case(model: Model, frames: CaseFrames) -> dict[str, Any]:
         "constant": {n: pack_steps(v, steps[n]) for n, v in constant.items() if n in steps},
         "stops": [
             {"pressure": stop.pressure, "remark": stop.remark, "values": {n: pack_steps(v, steps[n]) for n, v in values.items()}}
-            for stop, values in zip(stops, found, strict=True)
+            for stop, values in zip(stops, by_stop, strict=True)
         ],
     }
 

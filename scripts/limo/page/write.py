@@ -20,15 +20,16 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from PIL import Image
 from plotly.offline import get_plotlyjs
 
-from limo.config import Study
+from limo.datasets.variables import SYMBOLS, place
 from limo.errors import ResultError
 from limo.figures.style import COLORS
-from limo.files import read_json, write_whole
 from limo.page import BUDGET, FILE, FOLDER, TEMPLATES, dataset_of
 from limo.page.curves import curves
 from limo.page.devices import Devices
 from limo.page.packing import pack_bytes
-from limo.tables import SYMBOLS, place
+from limo.schema.study import Study
+from limo.store.files import read_json, write_whole
+from limo.store.results import Results
 
 CAPTIONS = FOLDER.parents[2] / "workflow" / "report"
 _QUALITY = 85  # of pictures, in percent
@@ -100,14 +101,14 @@ def write_page(results: Path, studies: Mapping[str, Study]) -> str:
         "library": pack_bytes(get_plotlyjs().encode()),
     }
     without = _render(context | {"left_out": "", "devices": "", "problems": _problems(parts, devices)})
-    said = devices.fit(BUDGET - len(without.encode()) - _ROOM * sum(len(part.cases) for part in parts))
+    notes = devices.fit(BUDGET - len(without.encode()) - _ROOM * sum(len(part.cases) for part in parts))
     shown = {name: [c for c in cases if c["case"] in devices.cases] for name, cases in shown.items()}
     plain = devices.plain() | {"studies": {name: cases for name, cases in shown.items() if cases}}
-    page = _render(context | {"left_out": said, "devices": plain, "problems": _problems(parts, devices)})
+    page = _render(context | {"left_out": notes, "devices": plain, "problems": _problems(parts, devices)})
     write_whole(results / FILE, lambda path: path.write_text(page, encoding="utf-8"))
     size = (results / FILE).stat().st_size / 1e6
     counts = f"{len(parts)} studies, {len(devices.cases)} cases in three dimensions, {size:.1f} MB"
-    return f"{results / FILE}: {counts}" + (f" ({said})" if said else "")
+    return f"{results / FILE}: {counts}" + (f" ({notes})" if notes else "")
 
 
 def _render(context: dict[str, Any]) -> str:
@@ -116,8 +117,8 @@ def _render(context: dict[str, Any]) -> str:
         loader=FileSystemLoader(FOLDER), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     environment.policies["json.dumps_kwargs"] = {"separators": (",", ":")}
-    own = {name.replace(".", "_"): (FOLDER / name).read_text(encoding="utf-8") for name in TEMPLATES[1:]}
-    return environment.get_template(TEMPLATES[0]).render(context | own)
+    templates = {name.replace(".", "_"): (FOLDER / name).read_text(encoding="utf-8") for name in TEMPLATES[1:]}
+    return environment.get_template(TEMPLATES[0]).render(context | templates)
 
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -140,18 +141,18 @@ def _fill(part: StudyPart, results: Path, study: Study, dataset: xr.Dataset, dev
     part.statuses = sorted(Counter(case.status for case in part.cases).items())
     builds = dict.fromkeys(_HASH.sub(r"\1", b) for b in np.unique(dataset.solver_build.values.astype(str)) if b)
     part.solved_by = ", ".join([*sorted(e for e in engines if e), *builds])
-    folder = dataset_of(results, part.name).parent
-    part.links = _links(results, [folder / f for f in ("study.csv", "study.nc", "shapes.nc")])
+    files = Results(results).study(part.name)
+    part.links = _links(results, [files.table, files.dataset, files.shapes])
     for name in study.figures:
         try:
-            part.figures.append(_figure(results, folder / "figures" / f"{name}.png"))
+            part.figures.append(_figure(results, files.figure(name, "png")))
         except OSError:
             part.absent_figures.append(name)
 
 
 def _engine(results: Path, case_id: str) -> str:
     try:
-        return str(read_json(results / "cases" / case_id / "case.json")["case"]["engine"])
+        return str(read_json(Results(results).case(case_id).described)["case"]["engine"])
     except (ResultError, KeyError, TypeError):
         return ""
 
@@ -176,15 +177,15 @@ def _remarks(case: xr.Dataset) -> list[str]:
 
 def _problems(parts: list[StudyPart], devices: Devices) -> list[tuple[str, CaseRow, list[str]]]:
     """Cases that failed or of which something is missing, with the study's name and all reasons."""
-    found = []
+    rows = []
     for part in parts:
         for case in part.cases:
             reasons = list(case.remarks)
             if case.case_id in devices.reasons:
                 reasons.append(f"not in the 3D view: {devices.reasons[case.case_id]}")
             if reasons or case.status != "converged":
-                found.append((part.name, case, reasons))
-    return found
+                rows.append((part.name, case, reasons))
+    return rows
 
 
 def _links(results: Path, files: Iterable[Path]) -> list[tuple[str, str]]:
@@ -193,10 +194,9 @@ def _links(results: Path, files: Iterable[Path]) -> list[tuple[str, str]]:
 
 
 def _case_links(results: Path, case_id: str) -> list[tuple[str, str]]:
-    folder = results / "cases" / case_id
-    files = [folder / n for n in ("status.json", "volumes.nc", "frames.nc", "measures.nc", "fields")]
-    fields = [file for kind in ("deformed", "reference") for file in sorted((folder / "fields").glob(f"{kind}*"))]
-    return _links(results, [*files, *fields])
+    case = Results(results).case(case_id)
+    fields = [file for kind in ("deformed", "reference") for file in sorted(case.fields.glob(f"{kind}*"))]
+    return _links(results, [case.status, case.volumes, case.frames, case.measures, case.fields, *fields])
 
 
 def _figure(results: Path, png: Path) -> Figure:

@@ -1,0 +1,1 @@
+"""Errors of settings against the finest mesh, and their price."""

@@ -1,0 +1,142 @@
+"""The grid of a study: its axes, its cases, and those that another engine solves too."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import product
+from types import MappingProxyType
+from typing import Any, NamedTuple
+
+from limo.cases.case import Case
+from limo.config.project import Project
+from limo.schema.device import Device
+from limo.schema.section import ENGINES
+from limo.schema.study import Study
+
+
+class GridPoint(NamedTuple):
+    """Where a case lies in the grid of a study: a value of each axis, P_v in kPa.
+
+    ``width_scale`` is the device's own where a study does not vary it, ``variant`` is empty where it has none.
+    """
+
+    n_pouches: int
+    ventricular_pressure: float
+    aspect_ratio: float
+    stiffness_ratio: float
+    width_scale: float
+    variant: str
+    branch: int
+
+    def index(self, axes: Mapping[str, Sequence[Any]]) -> tuple[int, ...]:
+        """Its place along each of the axes of a study (``StudyGrid.axes``). Raises ``ValueError`` for a point beside them."""
+        return tuple(axes[name].index(value) for name, value in zip(self._fields, self, strict=True))
+
+
+@dataclass(frozen=True, eq=False)
+class StudyGrid:
+    """A study of a project, resolved once: axes, cases by point, and the points that another engine solves too."""
+
+    project: Project
+    name: str
+
+    @property
+    def study(self) -> Study:
+        """What its file says."""
+        return self.project.studies[self.name]
+
+    @cached_property
+    def axes(self) -> Mapping[str, tuple]:
+        """The dimensions of the grid (the fields of ``GridPoint``) and their values; those that are not varied have one.
+
+        Without ``width_scale`` devices have their own; the one of the study's device stands for it.
+        """
+        axes, project = self.study.axes, self.project
+        values = GridPoint(
+            n_pouches=axes.n_pouches,
+            ventricular_pressure=axes.ventricular_pressure,
+            aspect_ratio=axes.aspect_ratio,
+            stiffness_ratio=axes.stiffness_ratio,
+            width_scale=axes.width_scale or [project.devices[self.study.device].pattern.width_scale],
+            variant=list(self.study.variants) or [""],
+            branch=range(project.branches_of(self.study)),
+        )
+        return MappingProxyType({name: tuple(each) for name, each in values._asdict().items()})
+
+    @cached_property
+    def cases(self) -> Mapping[GridPoint, Case]:
+        """The cases by their points, the last axis varying fastest."""
+        study, config, settings = self.study, self.project.config, self.project.settings(self.name)
+        scales = study.axes.width_scale or [None]
+        devices = {(name, scale): _scaled(s.device, scale) for name, s in settings.items() for scale in scales}
+        # what the engine does not look at is no part of a case: changing it must change nothing that a case is compared by
+        numerics = {name: s.numerics.for_engine(s.engine) for name, s in settings.items()}
+        frames = {pressure: tuple(study.frames_for(pressure)) for pressure in study.axes.ventricular_pressure}
+        cases = {}
+        for point in map(GridPoint._make, product(*self.axes.values())):
+            setting = settings[point.variant]
+            cases[point] = Case(
+                device=devices[point.variant, point.width_scale if study.axes.width_scale else None],
+                device_name=setting.device_name,
+                n_pouches=point.n_pouches,
+                ventricular_pressure=point.ventricular_pressure,
+                actuation_pressure_max=study.maximum_for(point.ventricular_pressure),
+                aspect_ratio=point.aspect_ratio,
+                stiffness_ratio=point.stiffness_ratio,
+                mesh=setting.mesh,
+                mesh_level=config.mesh_levels[setting.mesh.level],
+                numerics=numerics[point.variant],
+                numerics_name=setting.preset,
+                frames=frames[point.ventricular_pressure],
+                engine=setting.engine,
+                build=self.project.builds.get(setting.engine, ""),
+                branch=point.branch,
+            )
+        return MappingProxyType(cases)
+
+    @cached_property
+    def cross_checks(self) -> Mapping[GridPoint, Case]:
+        """The cases that another engine solves too, ``cross_check`` of them, by their points, as that engine solves them.
+
+        They are spread evenly over the grid, the first and the last among them, and none is perturbed.
+        """
+        points = [point for point in self.cases if not point.branch]
+        count = min(self.study.cross_check, len(points))
+        chosen = [points[round(k * (len(points) - 1) / max(count - 1, 1))] for k in range(count)]
+        return MappingProxyType({point: self._by_other_engine(point) for point in chosen})
+
+    def _by_other_engine(self, point: GridPoint) -> Case:
+        case, numerics = self.cases[point], self.project.settings(self.name)[point.variant].numerics
+        other = next(engine for engine in ENGINES if engine != case.engine)
+        return replace(case, engine=other, build=self.project.builds.get(other, ""), numerics=numerics.for_engine(other))
+
+
+def study_grid(project: Project, name: str) -> StudyGrid:
+    """The grid of a study, the same one whenever the same project is asked."""
+    if name not in project.resolved:
+        project.resolved[name] = StudyGrid(project, name)
+    return project.resolved[name]
+
+
+def study_cases(project: Project, name: str) -> Mapping[GridPoint, Case]:
+    """The cases of a study by their points (``StudyGrid.cases``)."""
+    return study_grid(project, name).cases
+
+
+def study_axes(project: Project, name: str) -> Mapping[str, tuple]:
+    """The dimensions of a study's grid and their values (``StudyGrid.axes``)."""
+    return study_grid(project, name).axes
+
+
+def cross_checks(project: Project, name: str) -> Mapping[GridPoint, Case]:
+    """The cases of a study that another engine solves too (``StudyGrid.cross_checks``)."""
+    return study_grid(project, name).cross_checks
+
+
+def _scaled(device: Device, scale: float | None) -> Device:
+    """The device with other widths; with None the device."""
+    if scale is None:
+        return device
+    return device.model_copy(update={"pattern": device.pattern.model_copy(update={"width_scale": scale})})

@@ -1,0 +1,1 @@
+"""YAML files become a checked project; a mistake becomes one message."""

@@ -1,0 +1,263 @@
+"""What the files of a configuration say about each other must fit together."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+from typing import get_args
+
+from pydantic import ValidationError
+
+from limo.config.layouts import check_layouts
+from limo.config.rungs import check_ladder
+from limo.config.settings import Setting, setting_of, variants_of
+from limo.config.yaml_file import explain
+from limo.engines.find import find_engine
+from limo.errors import ConfigError
+from limo.schema.accuracy import Airbag
+from limo.schema.config import PRESET_KEYS, Config
+from limo.schema.device import Device, Material
+from limo.schema.element import element as find_element
+from limo.schema.figures import FIGURES, MEASURED, NEEDS
+from limo.schema.numerics import Numerics
+from limo.schema.section import ENGINES, ElementName
+from limo.schema.solver import Rung
+from limo.schema.study import ROLES, Study, Variant
+
+_OLD_ROLE = re.compile(rf"^({'|'.join(ROLES)})_(.+)$")
+
+
+def check_name(path: Path, key: str, value: str, known: Iterable[str], *, listed: bool = False) -> None:
+    """``value`` of a key (``listed``: one of several) must be among ``known`` names."""
+    if value not in known:
+        names = list(known)
+        section, _, last = key.rpartition(".")
+        example = f"{last}: {[names[0]] if listed else names[0]}".replace("'", "") if names else f"no {last}"
+        example = f"{section}: {{{example}}}" if section else example
+        raise ConfigError(path, key, value, f"one of: {', '.join(names)}", example)
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# the configuration itself
+
+
+def check_config(path: Path, config: Config) -> None:
+    """Names in a configuration must exist in it, and its recovery ladders must be possible."""
+    check_name(path, "mesh.level", config.mesh.level, config.mesh_levels)
+    check_name(path, "numerics", config.numerics, config.numerics_presets)
+    for name, preset in config.presets.items():
+        check_name(path, f"presets.{name}.mesh.level", preset.mesh.level, config.mesh_levels)
+        check_name(path, f"presets.{name}.numerics", preset.numerics, config.numerics_presets)
+        check_engine(path, f"presets.{name}.engine", preset.engine, preset.mesh.element)
+    if config.preset:
+        check_preset(path, config.preset, config)
+        if stated := [n for n in PRESET_KEYS if n in config.model_fields_set]:
+            expected = f"no {', '.join(stated)} beside it, for which it stands"
+            raise ConfigError(path, "preset", config.preset, expected, f"preset: {config.preset}")
+    for engine in ENGINES:
+        check_recovery(path, config, engine)
+    check_stress_test(path, config)
+
+
+def check_preset(path: Path, name: str, config: Config) -> None:
+    """A preset must be one of the configuration."""
+    if not config.presets:
+        expected = "no preset, for the configuration has no presets"
+        raise ConfigError(path, "preset", name, expected, "presets: {preview: {mesh: {level: preview}}}")
+    check_name(path, "preset", name, config.presets)
+
+
+def check_recovery(path: Path, config: Config, engine: str) -> None:
+    """Every rung of an engine's ladder must be possible with every preset and mesh level."""
+    rungs: list[Rung] = getattr(config.recovery, engine)
+    names = [rung.name for rung in rungs]
+    example = "recovery: {newton: [{name: smaller_load_steps, multiply: {newton.load_step: 0.25}}]}"
+    if len(set(names)) < len(names):
+        raise ConfigError(path, f"recovery.{engine}", names, "no name twice", example)
+    for (preset, numerics), (level, size) in product(config.numerics_presets.items(), config.mesh_levels.items()):
+        try:
+            check_ladder(rungs, numerics, size)
+        except ValueError as error:
+            expected = f"factors that leave the preset {preset} and the mesh level {level} in their ranges ({error})"
+            raise ConfigError(path, f"recovery.{engine}", names, expected, example) from None
+
+
+def check_stress_test(path: Path, config: Config) -> None:
+    """What a stress test names in the configuration must exist; layouts that cannot be cut are found when it is run."""
+    test = config.stress_test
+    if test is None:
+        return
+    check_name(path, "stress_test.mesh.level", test.mesh.level, config.mesh_levels)
+    if test.numerics:
+        check_name(path, "stress_test.numerics", test.numerics, config.numerics_presets)
+    if usable := _other_elements(test.engines, test.mesh.element):
+        raise ConfigError(path, "stress_test.mesh.element", test.mesh.element, " or ".join(usable), f"element: {usable[0]}")
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# one study
+
+
+@dataclass(frozen=True)
+class Known:
+    """What a study may refer to: the configuration, sound devices, paths of files, and mistakes of broken devices by name."""
+
+    config: Config
+    devices: Mapping[str, Device]
+    files: Mapping[str, Path]
+    broken: Mapping[str, ConfigError]
+
+    def check_device(self, path: Path, key: str, name: str) -> None:
+        """A device must be there and sound. Raises the mistake in its own file."""
+        if name in self.broken:
+            raise self.broken[name]
+        check_name(path, key, name, self.devices)
+
+
+def check_study(known: Known, path: Path, study: Study) -> dict[str, Setting]:
+    """What a study names must exist, and its pressures must fit together; returns its settings by variant."""
+    if study.preset:
+        check_preset(path, study.preset, known.config)
+    settings = {name: checked_setting(known, path, study, name, variant) for name, variant in variants_of(study).items()}
+    check_figures(path, study)
+    for pressure in study.axes.ventricular_pressure:
+        check_pressures(path, study, pressure)
+    for name in dict.fromkeys(setting.device_name for setting in settings.values()):
+        pattern = known.devices[name].pattern
+        for scale in study.axes.width_scale or [pattern.width_scale]:
+            scaled = pattern.model_copy(update={"width_scale": scale})
+            check_layouts(scaled, study.axes.n_pouches, known.files[f"devices/{name}"])
+    return settings
+
+
+def checked_setting(known: Known, path: Path, study: Study, name: str, variant: Variant) -> Setting:
+    """The setting of a variant, whose names must exist, and whose numerics and material must be valid."""
+    prefix = f"variants.{name}." if name else ""
+    for where, numerics in (("", study.numerics), (prefix, variant.numerics)):
+        if isinstance(numerics, str):
+            check_name(path, f"{where}numerics", numerics, known.config.numerics_presets)
+    known.check_device(path, f"{prefix}device", variant.device or study.device)
+    try:
+        setting = setting_of(known.config, known.devices, study, variant)
+    except ValidationError as error:
+        model, key = (Material, "material") if error.title == "Material" else (Numerics, "numerics")
+        section = f"{prefix if getattr(variant, key) else ''}{key}"
+        mistake = explain(model, error, path)
+        raise ConfigError(path, f"{section}.{mistake.key}", mistake.value, mistake.expected, mistake.example) from None
+    check_name(path, f"{prefix}mesh.level", setting.mesh.level, known.config.mesh_levels)
+    if find_element(setting.mesh.element).is_shell:
+        check_shells(path, study, prefix, setting)
+    return setting
+
+
+def check_shells(path: Path, study: Study, prefix: str, setting: Setting) -> None:
+    """Shells are solved as full devices by engines that take them, and keep no displacements through the thickness."""
+    element = setting.mesh.element
+    if setting.mesh.symmetry != "full":
+        expected = f"full with element {element}"
+        raise ConfigError(path, f"{prefix}mesh.symmetry", setting.mesh.symmetry, expected, "mesh: {symmetry: full}")
+    if study.measures:
+        expected = f"volumes only with element {element}, which keeps no displacements through the thickness"
+        example = "mesh: {level: preview, symmetry: quarter, element: C3D20R}"
+        raise ConfigError(path, "outputs", study.outputs, expected, example)
+    if usable := _other_elements(ENGINES if study.cross_check else [setting.engine], element):
+        key, value = ("cross_check", study.cross_check) if study.cross_check else (f"{prefix}engine", setting.engine)
+        expected = f"element {' or '.join(usable)}, which the engines that are used take"
+        raise ConfigError(path, key, value, expected, f"mesh: {{element: {usable[0]}}}")
+
+
+def _other_elements(engines: Collection[str], element: str) -> list[str]:
+    """The elements of device meshes that all engines take, where one does not take ``element``; none where all do."""
+    if all(find_engine(engine).takes(find_element(element)) for engine in engines):
+        return []
+    return [name for name in get_args(ElementName) if all(find_engine(e).takes(find_element(name)) for e in engines)]
+
+
+def check_engine(path: Path, key: str, engine: str, element: str) -> None:
+    """The engine of a key must take an element."""
+    if not find_engine(engine).takes(find_element(element)):
+        other = next(name for name in ENGINES if find_engine(name).takes(find_element(element)))
+        raise ConfigError(path, key, engine, f"engine: {other} for element {element}", f"engine: {other}")
+
+
+def check_airbag(path: Path, airbag: Airbag) -> None:
+    """The engine of every series must take its element."""
+    for k, series in enumerate(airbag.series):
+        check_engine(path, f"series.{k}.engine", series.engine, series.element)
+
+
+def check_figures(path: Path, study: Study) -> None:
+    """Figures must exist, with the outputs that they show; so must the measured curves."""
+    for figure in study.figures:
+        check_name(path, "figures", figure, FIGURES, listed=True)
+        if (needed := NEEDS.get(figure, "volumes")) not in ("volumes", *study.outputs):
+            expected = f"{needed} among them, which the figure {figure} shows"
+            raise ConfigError(path, "outputs", study.outputs, expected, f"outputs: [volumes, {needed}]")
+    check_measured(path, study)
+
+
+def check_measured(path: Path, study: Study) -> None:
+    """Measured curves of a study must be there, and one of its figures at least must show them."""
+    if study.measured is None:
+        return
+    file = study.measured_curves.data
+    if not Path(file).is_file():
+        raise ConfigError(path, "measured", file, "a readable CSV file", "measured: config/measured/arfaee2025.csv")
+    if study.figures and not set(study.figures) & set(MEASURED):
+        expected = f"one of {', '.join(MEASURED)} among them: the others have no axes for the measured curves of the study"
+        raise ConfigError(path, "figures", study.figures, expected, f"figures: [{MEASURED[0]}]")
+
+
+def check_pressures(path: Path, study: Study, pressure: float) -> None:
+    """At a P_v (kPa) there must be a P_a,max above it, and no frame beyond that."""
+    key, example = "actuation_pressure_max", f"actuation_pressure_max: {pressure + 60:g}"
+    try:
+        maximum = study.maximum_for(pressure)
+    except KeyError:
+        expected, example = f"a maximum for P_v = {pressure} kPa", f"{key}: {{{pressure}: {pressure + 60:g}}}"
+        raise ConfigError(path, key, study.actuation_pressure_max, expected, example) from None
+    if maximum <= pressure:
+        raise ConfigError(path, key, maximum, f"more than P_v = {pressure} kPa, or nothing inflates", example)
+    for name in ("frames", "fields_at"):
+        if beyond := [frame for frame in getattr(study, name) if not isinstance(frame, str) and frame > maximum]:
+            expected = f"pressures up to actuation_pressure_max = {maximum:g} kPa"
+            raise ConfigError(path, name, beyond[0], expected, f"{name}: [0, max]")
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# studies beside each other
+
+
+def check_roles(studies: Mapping[str, Study], files: Mapping[str, Path]) -> dict[str, ConfigError]:
+    """Mistakes of studies in what they are for, by their names: a role of a subject that is taken, or spelt in the name alone."""
+    mistakes: dict[str, ConfigError] = {}
+    taken: dict[tuple[str, str], str] = {}
+    for name, study in studies.items():
+        path = files[f"studies/{name}"]
+        if study.role:
+            first = taken.setdefault((study.role, study.subject), name)
+            if first != name:
+                expected = f"another role or subject than {files[f'studies/{first}']} has"
+                mistakes[name] = ConfigError(path, "role", study.role, expected, f"subject: {study.subject}_again")
+        elif (spelt := _OLD_ROLE.match(name)) and _had_role(studies, *spelt.groups()):
+            role, subject = spelt.groups()
+            expected = f"role: {role} and subject: {subject} as keys, which the name does not say any more, or another name"
+            mistakes[name] = ConfigError(path, "role", None, expected, f"role: {role} and subject: {subject}")
+    return mistakes
+
+
+def _had_role(studies: Mapping[str, Study], role: str, subject: str) -> bool:
+    """Whether a study of such a name had this role when names said it: with a reference of the same subject."""
+    reference = f"reference_{subject}" in studies
+    return role == "reference" or reference or any((s.role, s.subject) == ("reference", subject) for s in studies.values())
+
+
+def check_device_of(known: Known, path: Path, section: str, device: str) -> ConfigError | None:
+    """The mistake in the device's file that a section of the configuration names, if any. Raises for one that is not there."""
+    if device in known.broken:
+        return known.broken[device]
+    check_name(path, f"{section}.device", device, known.devices)
+    return None

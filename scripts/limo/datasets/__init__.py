@@ -1,0 +1,1 @@
+"""Many cases as one xarray dataset; every variable with its name, unit and symbol."""

@@ -1,0 +1,211 @@
+"""The CalculiX input file of a model: one small class per block of keywords.
+
+The stages follow each other in one implicit dynamic step. CalculiX knows one damping for the whole run, so a stage with
+less damping is run in proportionally longer time: quasi-statically only damping times rate matters (``StageTime``). No
+dependency writes steps and loads; meshio's input files have nodes, elements and sets.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from limo.mechanics.model import KPA, Model, Pressure
+from limo.schema.numerics import Controls, Numerics, Stage
+from limo.schema.section import STAGES
+
+#: more than any run takes
+MOST_INCREMENTS = 1_000_000
+BRICK_SIDE = {"bottom": "P1", "top": "P2"}
+
+
+@dataclass(frozen=True)
+class StageTime:
+    """A stage on the solver's clock: ``start`` and ``duration`` in solver seconds, ``scale`` solver s per physical s."""
+
+    name: str
+    start: float
+    duration: float
+    scale: float
+    stage: Stage
+
+    @property
+    def end(self) -> float:
+        return self.start + self.duration
+
+
+def stage_times(numerics: Numerics, actuation_pressure_max: float) -> tuple[StageTime, ...]:
+    """The stages on the solver's clock. Pressure in kPa.
+
+    The solver's damping is the largest of the stages'; a stage damped alpha runs for duration * alpha_max / alpha.
+    """
+    largest = numerics.solver_damping
+    times, start = [], 0.0
+    for name in STAGES:
+        stage = getattr(numerics, name)
+        duration = stage.duration if stage.duration is not None else actuation_pressure_max / stage.rate
+        scale = largest / stage.damping if stage.damping else 1.0
+        times.append(StageTime(name, start, duration * scale, scale, stage))
+        start += duration * scale
+    return tuple(times)
+
+
+def actuation_pressure_at(times: tuple[StageTime, ...], maximum: float, solver_time: np.ndarray) -> np.ndarray:
+    """P_a (kPa) at solver times (n,): zero until the ramp starts, then linear to ``maximum`` (kPa)."""
+    ramp = times[-1]
+    return maximum * np.clip((np.asarray(solver_time) - ramp.start) / ramp.duration, 0.0, 1.0)
+
+
+def _rows(values: np.ndarray, per_line: int = 12) -> list[str]:
+    return [", ".join(map(str, values[i : i + per_line])) + "," for i in range(0, len(values), per_line)]
+
+
+def number(value: float) -> str:
+    """A number as decks have it."""
+    return f"{value:.12g}"
+
+
+def geometry(model: Model) -> list[str]:
+    """*NODE, *ELEMENT: ids count from one in the model's order."""
+    lines = ["*NODE, NSET=ALL"]
+    lines += [f"{i + 1}, {x:.12g}, {y:.12g}, {z:.12g}" for i, (x, y, z) in enumerate(model.nodes)]
+    connectivity = model.mesh.quads if model.element.is_shell else model.expansion.bricks
+    lines.append(f"*ELEMENT, TYPE={model.element.name}, ELSET=DEVICE")
+    for i, nodes in enumerate(connectivity + 1):
+        row = [str(i + 1), *map(str, nodes)]
+        lines += [", ".join(row[:11]) + ","] * (len(row) > 11)
+        lines.append(", ".join(row[11:] if len(row) > 11 else row))
+    return lines
+
+
+def _sets(model: Model) -> list[str]:
+    lines = []
+    for load in model.pressures:
+        lines += [f"*ELSET, ELSET={load.surface.upper()}", *_rows(load.quads + 1)]
+    endo = np.flatnonzero(model.mesh.layer == 1) + 1
+    rest = np.flatnonzero(model.mesh.layer != 1) + 1
+    return [*lines, "*ELSET, ELSET=ENDOCARDIUM", *_rows(endo), "*ELSET, ELSET=FABRIC", *_rows(rest)]
+
+
+def fabric(model: Model, name: str, stiffness_ratio: float, damping: float) -> list[str]:
+    """A St. Venant-Kirchhoff fabric on the elements of a set of the same name; mass-proportional ``damping`` in 1/s."""
+    material = model.fabric
+    lines = [
+        f"*MATERIAL, NAME={name}",
+        "*ELASTIC",
+        f"{number(stiffness_ratio * material.youngs_modulus)}, {number(material.poisson_ratio)}",
+        "*DENSITY",
+        number(model.fabric.density),
+    ]
+    if damping:
+        lines.append(f"*DAMPING, ALPHA={number(damping)}")
+    section = "SHELL" if model.element.is_shell else "SOLID"
+    lines.append(f"*{section} SECTION, ELSET={name}, MATERIAL={name}")
+    return [*lines, number(material.thickness)] if model.element.is_shell else lines
+
+
+def _materials(model: Model, damping: float) -> list[str]:
+    fabrics = (("FABRIC", 1.0), ("ENDOCARDIUM", model.fabric.stiffness_ratio))
+    return [line for name, ratio in fabrics for line in fabric(model, name, ratio, damping)]
+
+
+def constraints(model: Model) -> list[str]:
+    """*EQUATION and *BOUNDARY of what is held at zero."""
+    lines = []
+    for equation in model.equations:
+        lines += ["*EQUATION", str(len(equation.terms))]
+        lines.append(", ".join(f"{n + 1}, {d + 1}, {c:g}" for n, d, c in equation.terms))
+    if model.fixed:
+        lines.append("*BOUNDARY")
+        lines += [f"{n + 1}, {d + 1}, {d + 1}" for n, d in model.fixed]
+    return lines
+
+
+def _amplitudes(model: Model, times: tuple[StageTime, ...]) -> list[str]:
+    """Fitting ramp, and the pressure of each loaded surface in MPa, all over the one step."""
+    fit, _, ramp = times
+    ventricular, maximum = (p * KPA for p in (model.loading.ventricular_pressure, model.loading.actuation_pressure_max))
+    lines = ["*AMPLITUDE, NAME=FITTING", f"0, 0, {number(fit.end)}, 1, {number(ramp.end)}, 1"]
+    for load in model.pressures:
+        start, end = load.ventricular * ventricular, load.ventricular * ventricular + load.actuation * maximum
+        table = (0.0, 0.0, fit.end, start, ramp.start, start, ramp.end, end)
+        lines += [f"*AMPLITUDE, NAME=P_{load.surface.upper()}", ", ".join(map(number, table))]
+    return lines
+
+
+def _controls(controls: Controls) -> list[str]:
+    """*CONTROLS: i_0, i_r, i_p, i_c, i_l, i_g, i_s, i_a; d_f, d_c, d_b, d_a, d_s, d_h, d_d; then the field limits."""
+    iterations = f"4, 7, 9, 12, {controls.iterations_for_decrease}, {controls.iterations_for_growth}, , {controls.cutbacks}"
+    cut = number(controls.cutback)
+    return [
+        "*CONTROLS, PARAMETERS=TIME INCREMENTATION",
+        iterations,
+        f"{cut}, 0.5, 0.75, 0.85, , , {number(controls.growth)}",
+        "*CONTROLS, PARAMETERS=FIELD",
+        f"{number(controls.residual)}, {number(controls.correction)}, , , {number(max(2e-2, controls.residual))}",
+    ]
+
+
+def step(
+    model: Model,
+    hht_alpha: float,
+    limits: tuple[float, ...],
+    controls: Controls,
+    loads: list[str],
+    increments: int = MOST_INCREMENTS,
+) -> list[str]:
+    """An implicit dynamic step: ``limits`` in s are first increment, length, smallest and largest increment."""
+    return [
+        f"*STEP, NLGEOM, INC={increments}",
+        f"*DYNAMIC, ALPHA={hht_alpha:.10f}",
+        ", ".join(map(number, limits)),
+        *_controls(controls),
+        *loads,
+        # FREQUENCY=1, because volumes are taken at every increment; 2D output keeps the node numbers of shells
+        "*NODE OUTPUT, FREQUENCY=1" + (", OUTPUT=2D" if model.element.is_shell else ""),
+        "U",
+        "*END STEP",
+    ]
+
+
+def pressure_label(model: Model, load: Pressure) -> str:
+    """What *DLOAD calls the side of the elements that a pressure pushes on."""
+    return "P" if model.element.is_shell else BRICK_SIDE[load.side]
+
+
+def _stages(model: Model, numerics: Numerics, times: tuple[StageTime, ...], increments: int) -> list[str]:
+    """All stages in one step, because a new *DYNAMIC step would throw the device away.
+
+    CalculiX starts each step with an acceleration from forces that are integrated fully even for C3D20R, whose
+    equilibrium knows the reduced rule only, and that leave damping out. In a thin layer the difference is enormous.
+    """
+    fit, _, ramp = times
+    largest = numerics.largest_increment / model.loading.actuation_pressure_max * ramp.duration
+    # CalculiX calls a first increment below a millionth of the step an error
+    first = max(numerics.first_increment * fit.duration, 2e-6 * ramp.end)
+    limits = (first, ramp.end, min(first, numerics.smallest_increment * fit.duration), largest)
+    loads = ["*BOUNDARY, AMPLITUDE=FITTING"]
+    loads += [f"{n + 1}, {d + 1}, {d + 1}, {number(u)}" for (n, d), u in model.prescribed.items()]
+    for load in model.pressures:
+        surface = load.surface.upper()
+        loads += [f"*DLOAD, AMPLITUDE=P_{surface}", f"{surface}, {pressure_label(model, load)}, 1"]
+    return step(model, numerics.hht_alpha, limits, numerics.controls, loads, increments)
+
+
+def write_deck(model: Model, path: Path, increments: int = MOST_INCREMENTS) -> tuple[StageTime, ...]:
+    """Write the CalculiX input of a model, to be ended after so many increments; returns the stages on the solver's clock."""
+    numerics = model.numerics
+    times = stage_times(numerics, model.loading.actuation_pressure_max)
+    lines = [f"** {model.name}", "** mm, N, MPa, tonne, s"]
+    lines += (
+        geometry(model)
+        + _sets(model)
+        + _materials(model, numerics.solver_damping)
+        + constraints(model)
+        + _amplitudes(model, times)
+    )
+    lines += _stages(model, numerics, times, increments)
+    path.write_text("\n".join(lines) + "\n", encoding="ascii")
+    return times

@@ -1,0 +1,378 @@
+"""Shifted Newton: an engine that solves a model's bricks quasi-statically, from one equilibrium to the next.
+
+At a frozen load the free displacements q follow
+
+    (K + sigma M) dq = r(q)
+
+with the consistent tangent K (follower pressures included), the mass matrix M and a shift sigma that pseudo-transient
+continuation moves between strong (small steps downhill, through a snap) and negligible (Newton's method near equilibrium):
+
+- a factorisation with a negative pivot, a step beyond ``rejected_step`` and one that would crush elements even when cut short
+  multiply sigma and factorise again, so that every step goes downhill in energy and stays with bricks that can be;
+- a step is cut to ``largest_step``; after it sigma falls, the faster the smaller the step was, and only where it has fallen all
+  the way a state is accepted, so that none is unstable; where it has to rise again, it begins near where it ended last time;
+- a factor is used again as long as the residual falls tenfold without a new one, and a step that made it larger taken back.
+
+No damping is left in the answer: a snap of the device is a jump at its load. Steps of some millimetres matter: with steps of
+1 mm the wrinkles of the fit stay where they first appear, and nearly equal runs end with different ones (docs/performance.md).
+"""
+
+from __future__ import annotations
+
+import logging
+import resource
+import time
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from limo.engines.load_path import LoadPath, count_stages
+from limo.engines.newton.assembly import Assembly
+from limo.engines.newton.build import mkl_version
+from limo.engines.newton.pardiso import FactorisationError, SymmetricSolver, set_threads
+from limo.mechanics.model import Model
+from limo.schema.numerics import Newton
+from limo.schema.section import STAGES
+from limo.schema.solver import Solver
+from limo.store.progress import report
+
+log = logging.getLogger(__name__)
+#: shift (1/s^2) beyond which a step is hopeless
+LARGEST_SHIFT = 1e14
+#: a factor is used again while the residual falls below this share of the one before
+REUSED_WHILE = 0.1
+#: an equilibrium was easy to find with at most this many iterations
+EASY = 4
+#: several load steps at once are no more than this share of P_a, so that soft beginnings are resolved
+EASY_SHARE = 0.2
+#: a step shorter than this share of the largest one is short
+SHORT_STEP = 0.1
+#: powers of ``shift_decay`` that the shift falls by after a step that was not refused, and after a short one
+QUICKLY, AT_ONCE = 2, 4
+#: forces count as load from this share of the internal ones and this value (N) on, for devices without pressure
+HELD_SHARE, SMALLEST_FORCE = 1e-3, 1e-9
+#: share of its volume that every integration point keeps, and by how much |ln det F| may grow in one step: the first because St.
+#: Venant-Kirchhoff fabric gives way below a stretch of 1/sqrt(3) (some 0.7 of its volume) and is at rest again as its own mirror
+#: image, the second because on fine meshes a step of millimetres can overshoot to there. Devices at rest are above 0.75
+SMALLEST_VOLUME, LARGEST_GROWTH = 0.7, 0.25
+#: the share they keep where no step leaves them more: in snaps of single creases elements come down to 0.44 and recover, and
+#: fabric that is stretched until its law gives way thins to that
+LEAST_VOLUME = 0.2
+#: shares of a step that are tried before the shift is raised
+CUTS = (1.0, 0.5, 0.25, 0.125)
+TINY = np.finfo(float).tiny
+FIT, HOLD, RAMP = range(3)
+_CLOSE = 1e-6  # kPa, pressures closer than this are the same
+
+
+class _StopError(Exception):
+    """The path ends here: a status and a reason."""
+
+    def __init__(self, status: str, reason: str):
+        super().__init__(reason)
+        self.status, self.reason = status, reason
+
+
+@dataclass
+class _State:
+    """Where the iteration is: free displacements, share of the prescribed ones, shift, and what has been counted."""
+
+    free: np.ndarray
+    prescribed: float = 0.0
+    shift: float = 0.0
+    last_shift: float = 0.0  # that the last step needed for which it had to rise
+    factorisations: int = 0
+    solutions: int = 0
+    iterations: dict[str, int] = field(default_factory=count_stages)
+    rejected: int = 0
+
+
+def solve(model: Model, solver: Solver, start: np.ndarray | None = None, after: LoadPath | None = None) -> LoadPath:
+    """Carry a model through fit and ramp; a state at rest stands between them, so the hold takes no time.
+
+    ``start`` (n, 3) in mm, a state with the valve fitted and P_v on, takes the place of the fit; it may lack the reference
+    nodes. ``after``, a path of the same model with other limits that ended at rest or later, is carried on from its last
+    equilibrium; it is part of the path that is returned, its costs are not. Never raises for a model that does not converge:
+    what was accepted is in the path, with status and reason.
+    """
+    settings, ventricular = model.numerics.newton, model.loading.ventricular_pressure
+    began, used = time.monotonic(), _cpu_seconds()
+    set_threads(solver.threads)
+    run = _Run(model, settings, began + 60 * solver.time_limit)
+    prepared = _cpu_seconds() - used
+    status, reason, interrupted = "converged", "", False
+    resumed = after is not None and bool((after.stage >= HOLD).any())
+    try:
+        if resumed:
+            run.carry_on(after)
+        elif start is None:
+            for share in np.arange(1, settings.fit_steps + 1) / settings.fit_steps:
+                run.advance(FIT, share, share * ventricular, 0.0)
+        else:
+            run.start_from(start)
+        if not resumed:
+            run.advance(HOLD, 1.0, ventricular, 0.0)
+        run.ramp()
+    except _StopError as stop:
+        status, reason = stop.status, stop.reason
+    except FactorisationError as error:
+        interrupted = error.no_memory
+        status, reason = "crashed" if interrupted else "diverged", str(error)
+    except MemoryError:
+        status, reason, interrupted = "crashed", "not enough memory", True
+    finally:
+        memory = run.solver.memory
+        run.close()
+    state = run.state
+    return LoadPath(
+        status=status,
+        reason=reason,
+        stage=np.array(run.stages, int),
+        pressure=np.array(run.pressures, float),
+        clock=np.arange(1, len(run.stages) + 1, dtype=float),
+        displacements=run.kept.__getitem__,
+        precision="float64",
+        is_static=True,
+        in_process=True,
+        iterations=state.iterations,
+        rejected=state.rejected,
+        build={"engine": "newton", "version": f"mkl {mkl_version()}"},
+        cpu_seconds=_cpu_seconds() - used,
+        wall_seconds=time.monotonic() - began,
+        memory=resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
+        ended_in=run.stage,
+        interrupted=interrupted,
+        details={
+            "equations": run.assembly.size,
+            "factorisations": state.factorisations,
+            "solutions": state.solutions,
+            "setup_seconds": round(prepared, 2),
+            "factor_seconds": round(run.solver.seconds, 2),
+            "factor_memory_mib": round(memory),
+            "largest_residual": max(run.residuals, default=None),
+        },
+    )
+
+
+class _Run:
+    """The iteration on one model; accepted states are kept in order."""
+
+    def __init__(self, model: Model, settings: Newton, deadline: float):
+        self.model, self.settings, self.deadline = model, settings, deadline
+        self.assembly = Assembly(model)
+        self.solver = SymmetricSolver(self.assembly.indptr, self.assembly.indices, definite=True, groups=self.assembly.nodes)
+        self.largest, self.rejected = settings.largest_step * model.length, settings.rejected_step * model.length
+        self.state = _State(np.zeros(self.assembly.size), shift=settings.first_shift)
+        self.stages: list[int] = []
+        self.pressures: list[float] = []
+        self.kept: list[np.ndarray] = []
+        self.residuals: list[float] = []
+        self.stage = STAGES[FIT]
+        self._placed: tuple[np.ndarray, float, np.ndarray] | None = None
+        self._known: tuple | None = None
+        self._floor = SMALLEST_VOLUME
+
+    def close(self) -> None:
+        self.solver.close()
+
+    def start_from(self, displacements: np.ndarray) -> None:
+        self.state.prescribed = 1.0
+        whole = self.assembly.prescribed.copy()
+        whole[: len(displacements)] = displacements
+        self.state.free = self.assembly.gather_free(whole)
+
+    def carry_on(self, path: LoadPath) -> None:
+        """Begin where a path ended, with all that it accepted."""
+        self.stages, self.pressures = path.stage.tolist(), path.pressure.tolist()
+        self.kept = [path.displacements(k) for k in range(len(self.stages))]
+        self.start_from(self.kept[-1])
+
+    def displacements(self, free: np.ndarray | None = None, prescribed: float | None = None) -> np.ndarray:
+        """Displacements (n, 3) of the state, or with other free and another share of the prescribed ones.
+
+        Asked again for the same, it returns the same array, by which the assembly knows what it has computed.
+        """
+        free = self.state.free if free is None else free
+        prescribed = self.state.prescribed if prescribed is None else prescribed
+        if self._placed is None or self._placed[0] is not free or self._placed[1] != prescribed:
+            self._placed = free, prescribed, self.assembly.expand(free) + prescribed * self.assembly.prescribed
+        return self._placed[2]
+
+    def advance(self, stage: int, share: float, ventricular: float, actuation: float) -> None:
+        """Bring the device to rest at a share of the prescribed displacements and at pressures in kPa."""
+        name = self.stage = STAGES[stage]
+        state, assembly, settings = self.state, self.assembly, self.settings
+        before, correction = state.free, np.inf
+        moved = (share - state.prescribed) * assembly.prescribed if share != state.prescribed else None
+        for _ in range(settings.iterations):
+            if time.monotonic() > self.deadline:
+                raise _StopError("timed_out", f"stopped at P_a = {actuation:g} kPa of the {name} after the time limit")
+            u, inside, pressed = self._forces(ventricular, actuation)
+            residual, load = assembly.reduce(pressed - inside), self._load(inside, pressed)
+            size = np.linalg.norm(residual)
+            if moved is None and self._at_rest(size, load, correction, before):
+                if assembly.smallest_volume(u) <= 0:
+                    raise _StopError("diverged", f"elements turned inside out at P_a = {actuation:g} kPa of the {name}")
+                break
+            values = assembly.tangent(u, ventricular, actuation, state.shift)
+            if moved is not None:
+                # the edges move with this step: what they drag along is part of its right side
+                residual = residual - assembly.reduce(assembly.drag(u, moved))
+            refused = state.rejected
+            state.free, largest = self._step(values, residual, share)
+            state.iterations[name] += 1
+            report(
+                stage=name,
+                fitted=float(share),
+                actuation_pressure=max(self.pressures, default=0.0),
+                increments=len(self.stages),
+                rejected=state.rejected,
+                iterations=sum(state.iterations.values()),
+            )
+            correction = largest
+            if moved is not None:
+                state.prescribed, moved = share, None
+            elif largest <= self.largest:
+                correction = self._reuse(size, load, correction, before, ventricular, actuation)
+            powers = 1 if state.rejected > refused else AT_ONCE if largest <= SHORT_STEP * self.largest else QUICKLY
+            state.shift = max(settings.smallest_shift, state.shift * settings.shift_decay**powers)
+        else:
+            raise _StopError(
+                "diverged",
+                f"no equilibrium at P_a = {actuation:g} kPa of the {name} in {settings.iterations} iterations: residual "
+                f"{size / load:.2g} of the load, correction {correction:.2g} mm",
+            )
+        self._floor = SMALLEST_VOLUME
+        self.stages.append(stage)
+        self.pressures.append(actuation)
+        self.kept.append(self.displacements())
+        self.residuals.append(float(size / load))
+        log.info(
+            "%s, P_a = %.4g kPa: %d iterations so far, shift %.1e", name, actuation, sum(state.iterations.values()), state.shift
+        )
+
+    def ramp(self) -> None:
+        """Raise P_a in multiples of ``load_step`` to its maximum, several of them at once where that is easy and P_a is high.
+
+        A lower maximum leaves the steps below it as they are, so that a case that goes further passes through the same states.
+        """
+        loading, settings, state = self.model.loading, self.settings, self.state
+        ventricular, maximum = loading.ventricular_pressure, loading.actuation_pressure_max
+        pressure, easy = self.pressures[-1], False  # zero, or where an earlier attempt ended
+        steps = int(pressure / settings.load_step + _CLOSE)
+        while pressure < maximum - _CLOSE:
+            steps += max(1, min(settings.easy_steps, int(EASY_SHARE * steps))) if easy else 1
+            before, pressure = pressure, min(steps * settings.load_step, maximum)
+            left, done = state.free, sum(state.iterations.values())
+            self.advance(RAMP, 1.0, ventricular, pressure)
+            easy = sum(state.iterations.values()) - done <= EASY
+            self.visit([f for f in loading.frames if before + _CLOSE < f < pressure - _CLOSE], before, left, easy)
+
+    def visit(self, frames: list[float], before: float, left: np.ndarray, easy: bool) -> None:
+        """Find the equilibria at frames (kPa) within the last step, which left free displacements ``left`` at P_a ``before``.
+
+        Each starts between the two ends of the step where that was ``easy``, else where it began: between the ends of a snap
+        lie crushed elements. The path goes on as if nobody had looked.
+        """
+        state, arrived, pressure, end = self.state, replace(self.state), self.pressures[-1], len(self.stages) - 1
+        for place, frame in enumerate(frames):
+            state.free = left + easy * (frame - before) / (pressure - before) * (arrived.free - left)
+            self.advance(RAMP, 1.0, self.model.loading.ventricular_pressure, frame)
+            for history in (self.stages, self.pressures, self.kept, self.residuals):
+                history.insert(end + place, history.pop())
+        state.free, state.shift, state.last_shift = arrived.free, arrived.shift, arrived.last_shift
+
+    def _forces(self, ventricular: float, actuation: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Displacements, f_int and f_p (n, 3) of the state; computed once for a state and its loads."""
+        u = self.displacements()
+        if self._known is None or self._known[0] is not u or self._known[3:] != (ventricular, actuation):
+            self._known = u, *self.assembly.forces(u, ventricular, actuation), ventricular, actuation
+        return self._known[:3]
+
+    def _load(self, inside: np.ndarray, pressed: np.ndarray) -> float:
+        """What residuals are compared with (N): the pressures on the free displacements, and without any the held forces."""
+        return max(np.linalg.norm(self.assembly.reduce(pressed)), HELD_SHARE * np.linalg.norm(inside), SMALLEST_FORCE)
+
+    def _at_rest(self, size: float, load: float, correction: float, before: np.ndarray) -> bool:
+        """Residual small beside the load, the last correction beside the way gone at this load, and the shift at its smallest.
+
+        A larger shift would hide an unstable equilibrium, and how far the stable one is.
+        """
+        settings = self.settings
+        gone = max(np.abs(self.state.free - before).max(), 1e-3 * self.largest)
+        quiet = size <= settings.residual * load and correction <= settings.correction * gone
+        return quiet and self.state.shift <= settings.smallest_shift
+
+    def _step(self, values: np.ndarray, residual: np.ndarray, share: float) -> tuple[np.ndarray, float]:
+        """Free displacements after a step of the shifted system cut to ``largest_step``, and its size (mm) before that.
+
+        ``values`` are those of K with the shift, and change with it. The step is cut further where elements would lose their
+        volume; the shift is raised until the matrix is positive, the step no leap, and such a cut enough. Where no shift does,
+        elements may come down to ``LEAST_VOLUME`` until the next rest.
+        """
+        state, growth, refused, shift = self.state, self.settings.shift_growth, self.state.rejected, self.state.shift
+        before = self.assembly.volume_ratios(self.displacements())
+        growth_limit = LARGEST_GROWTH if share == state.prescribed else np.inf  # moved edges stretch what they drag along
+        while True:
+            negative = self.solver.factorise(values)
+            state.factorisations += 1
+            if not negative:
+                step = self.solver.solve(residual)
+                state.solutions += 1
+                largest = np.abs(step).max()
+                if largest <= self.rejected:
+                    for cut in CUTS if share == state.prescribed else (1.0,):
+                        free = state.free + cut * min(1.0, self.largest / max(largest, TINY)) * step
+                        after = self.assembly.volume_ratios(self.displacements(free, share))
+                        if _whole(before, after, self._floor, growth_limit):
+                            if state.rejected > refused:
+                                state.last_shift = state.shift
+                            elif cut < 1:
+                                state.rejected += 1
+                            return free, largest
+            first, tried = state.rejected == refused, state.shift
+            state.rejected += 1
+            state.shift = max(growth * state.shift, state.last_shift / growth if first else 0.0)
+            if state.shift > LARGEST_SHIFT and self._floor > LEAST_VOLUME:
+                self._floor, state.shift = LEAST_VOLUME, shift
+            elif state.shift > LARGEST_SHIFT:
+                raise _StopError(
+                    "diverged", f"no downhill step with a shift up to {LARGEST_SHIFT:.0e} 1/s2 leaves all elements whole"
+                )
+            values += (state.shift - tried) * self.assembly.mass
+
+    def _reuse(
+        self, size: float, load: float, correction: float, before: np.ndarray, ventricular: float, actuation: float
+    ) -> float:
+        """Further steps with the factor at hand, as long as the residual falls tenfold; returns the last correction.
+
+        A step after which the residual is larger is taken back: a creased fabric is soft, and an old factor can leap.
+        """
+        state, assembly, came_from = self.state, self.assembly, None
+        while True:
+            _, inside, pressed = self._forces(ventricular, actuation)
+            residual = assembly.reduce(pressed - inside)
+            now = np.linalg.norm(residual)
+            if came_from is not None and now > size:
+                state.free, correction = came_from
+                return correction
+            if now > REUSED_WHILE * size or self._at_rest(now, load, correction, before):
+                return correction
+            step, came_from = self.solver.solve(residual), (state.free, correction)
+            state.solutions += 1
+            correction, size = np.abs(step).max(), now
+            if correction > self.largest:
+                return correction
+            state.free = state.free + step
+
+
+def _cpu_seconds() -> float:
+    usage = resource.getrusage(resource.RUSAGE_SELF)
+    return usage.ru_utime + usage.ru_stime
+
+
+def _whole(before: np.ndarray, after: np.ndarray, floor: float, growth: float) -> bool:
+    """Whether a step from det F ``before`` to ``after`` (m, g) leaves all points their volume, |ln det F| growing that much."""
+    if after.min() <= 0 or (after < np.minimum(before, floor)).any():
+        return False
+    return bool((np.abs(np.log(after)) <= np.abs(np.log(np.abs(before))) + growth).all())

@@ -1,0 +1,1 @@
+"""The flat pattern as plane curves; no mesher, no YAML."""

@@ -1,0 +1,1 @@
+"""What one solved case says: stress, strain, fatigue, buckling, contact, efficiency."""

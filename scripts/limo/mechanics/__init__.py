@@ -1,0 +1,1 @@
+"""Bricks, constraints and loads; deformation, stress, volumes, energy and equilibrium."""

@@ -1,0 +1,154 @@
+"""The discrete model of a device: which nodes are held, moved and tied, and which pressures act on which faces."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, Protocol
+
+import numpy as np
+
+from limo.geometry.valve import ValveEllipse
+from limo.mechanics.model import Equation, Expansion, Fabric, Loading, Model, Pressure, expand
+from limo.mesh.layers import FACES, LAYERS, DeviceMesh
+from limo.schema.device import Device
+from limo.schema.element import element
+from limo.schema.numerics import Mesh, Numerics
+
+#: heights of the perturbed flat states of branches, over the thickness of the fabric
+PERTURBATION = 0.05
+
+
+class Described(Protocol):
+    """What a model of a device is made of besides a mesh (``limo.cases.case.Case`` is such a description). Pressures in kPa."""
+
+    device: Device
+    ventricular_pressure: float
+    actuation_pressure_max: float
+    aspect_ratio: float
+    stiffness_ratio: float
+    mesh: Mesh
+    numerics: Numerics
+    frames: tuple[float, ...]
+    branch: int
+
+    @property
+    def case_id(self) -> str:
+        """Its name."""
+
+
+def pressures(mesh: DeviceMesh, *, like_shells: bool) -> tuple[Pressure, ...]:
+    """Wall P_v, endocardium P_v - P_a, epicardium P_a, all pushing away from the fluid (paper, boundary conditions).
+
+    On the front the fluid is below (bottom side), on the back above. CalculiX puts the pressure of a shell on its bottom
+    side whatever its sign: ``like_shells`` does the same on the back, which costs the exact mirror symmetry of the two.
+    """
+    weights = {"wall": (1.0, 0.0), "endo": (1.0, -1.0), "epi": (0.0, 1.0)}
+    loads = []
+    for face in FACES:
+        for layer in LAYERS:
+            name = f"{layer}_{face}"
+            if name not in mesh.surfaces:
+                continue
+            ventricular, actuation = weights[layer]
+            side, sign = "bottom", 1.0
+            if face == "back":
+                side, sign = ("bottom", -1.0) if like_shells else ("top", 1.0)
+            loads.append(Pressure(name, mesh.surfaces[name], side, sign * ventricular, sign * actuation))
+    return tuple(loads)
+
+
+def valve_displacements(aspect_ratio: float, mesh: DeviceMesh) -> dict[int, np.ndarray]:
+    """Displacements (3,) in mm that move each valve node onto the ellipse, its arc length along the edge kept.
+
+    Front nodes go to z > 0, back nodes to z < 0, nodes shared by both to z = 0; v = 0 (paper, Eqs. valve).
+    """
+    nodes = np.flatnonzero(mesh.on_valve)
+    x = mesh.nodes[nodes, 0]
+    half_width = np.abs(x).max()
+    ellipse = ValveEllipse.from_perimeter(half_width, aspect_ratio)
+    placed = ellipse.place(np.abs(x))
+    back = np.zeros(len(mesh.nodes), bool)
+    back[mesh.quads[mesh.face == 1]] = True
+    side = np.where(back[nodes] & ~mesh.on_outer[nodes], -1.0, 1.0)
+    z = np.where(mesh.on_outer[nodes], 0.0, placed[:, 1] * side)
+    return {int(n): np.array([np.sign(xi) * p[0] - xi, 0.0, zi]) for n, xi, p, zi in zip(nodes, x, placed, z, strict=True)}
+
+
+def perturbed(mesh: DeviceMesh, seed: int, amplitude: float) -> DeviceMesh:
+    """The mesh with random heights (standard deviation ``amplitude`` in mm), but on the outer and the valve edge."""
+    heights = np.random.default_rng(seed).normal(0.0, amplitude, len(mesh.nodes))
+    nodes = mesh.nodes.copy()
+    nodes[:, 2] += np.where(mesh.on_outer | mesh.on_valve, 0.0, heights)
+    return replace(mesh, nodes=nodes)
+
+
+def described(case: Described) -> dict[str, Any]:
+    """The values of a ``Model`` that do not depend on its mesh."""
+    material = case.device.material
+    fabric = Fabric(
+        material.youngs_modulus, material.poisson_ratio, material.thickness, material.areal_density, case.stiffness_ratio
+    )
+    return {
+        "name": case.case_id,
+        "element": element(case.mesh.element),
+        "fabric": fabric,
+        "loading": Loading(case.ventricular_pressure, case.actuation_pressure_max, case.frames),
+        "numerics": case.numerics,
+        "length": case.device.pattern.length,
+    }
+
+
+def build_model(case: Described, mesh: DeviceMesh, *, like_shells: bool | None = None) -> Model:
+    """Constraints and loads of a case on a mesh.
+
+    ``like_shells`` (default: whether the element is a shell) puts pressures where CalculiX puts those of shells.
+
+    Bricks: x = 0: u_x = 0 on all nodes; z = 0 at the outer edge: u_z = 0 on middle nodes, and u_x, u_y equal and u_z
+    opposite on bottom and top. Valve: middle nodes prescribed at corners, bottom + top - 2 reference = 0 at mid-sides,
+    so that the edge may rotate. Shells: the nodes of the mesh are prescribed.
+    """
+    values, thickness = described(case), case.device.material.thickness
+    shell = values["element"].is_shell
+    if case.branch:
+        mesh = perturbed(mesh, case.branch, PERTURBATION * thickness)
+    values |= {"mesh": mesh, "expansion": expand(mesh, thickness)}
+    values["pressures"] = pressures(mesh, like_shells=shell if like_shells is None else like_shells)
+    displacements = valve_displacements(case.aspect_ratio, mesh)
+    if shell:
+        prescribed = {(n, d): float(u[d]) for n, u in displacements.items() for d in range(3)}
+        nodes = {"nodes": mesh.nodes, "reference_start": len(mesh.nodes)}
+        return Model(**values, **nodes, prescribed=prescribed, fixed=(), equations=())
+    return Model(**values, **_constraints(mesh, values["expansion"], displacements))
+
+
+def _constraints(mesh: DeviceMesh, expansion: Expansion, displacements: dict[int, np.ndarray]) -> dict[str, Any]:
+    """Nodes of a model of bricks, those of reference included, and how they are held, moved and tied."""
+    bottom, middle, top = expansion.bottom, expansion.middle, expansion.top
+    prescribed, fixed, equations, references = {}, [], [], []
+    for node, u in displacements.items():
+        if middle[node] >= 0:
+            prescribed |= {(int(middle[node]), d): float(u[d]) for d in range(3)}
+            continue
+        reference = len(expansion.nodes) + len(references)
+        references.append(mesh.nodes[node])
+        prescribed |= {(reference, d): float(u[d]) for d in range(3)}
+        equations += [Equation(((int(bottom[node]), d, 1.0), (int(top[node]), d, 1.0), (reference, d, -2.0))) for d in range(3)]
+    taken = set(prescribed)
+    for node in np.flatnonzero(mesh.on_axis):
+        triple = (bottom[node], middle[node], top[node])
+        fixed += [(int(n), 0) for n in triple if n >= 0 and (int(n), 0) not in taken]
+    taken |= set(fixed)
+    if mesh.symmetry != "full":
+        for node in np.flatnonzero(mesh.on_outer):
+            low, mid, high = int(bottom[node]), int(middle[node]), int(top[node])
+            if mid >= 0 and (mid, 2) not in taken:
+                fixed.append((mid, 2))
+            signs = (-1.0, -1.0, 1.0)
+            equations += [Equation(((low, d, 1.0), (high, d, signs[d]))) for d in range(3) if (low, d) not in taken]
+    return {
+        "nodes": np.vstack([expansion.nodes, *references]) if references else expansion.nodes,
+        "reference_start": len(expansion.nodes),
+        "prescribed": prescribed,
+        "fixed": tuple(fixed),
+        "equations": tuple(equations),
+    }

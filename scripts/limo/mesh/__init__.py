@@ -1,0 +1,1 @@
+"""Node tables, shape functions, the flat mesh, its layers and surfaces."""

@@ -1,0 +1,1 @@
+"""The stress test, and equal and nearly equal runs of one case."""

@@ -1,0 +1,437 @@
+"""The statements of the paper that can be tested, against the datasets of the studies: a verdict each, computed and never typed.
+
+A statement about many cases is counted: ``reproduced`` where it holds for all of them, ``not`` where it holds for less than
+half. One about a number has two bands around the paper's value. Cases that failed count as cases where it does not hold.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from limo.datasets.curves import at_end
+from limo.errors import LimoError
+from limo.reports.markdown import markdown_table
+from limo.store.files import write_whole
+
+VERDICTS = ("reproduced", "partly", "not", "no data")
+#: kPa over which the fastest rise of V_a is taken, and the share of V_a at P_a,max from which on a ratio counts
+RISE, ONSET_SHARE = 2.0, 0.05
+SEALED = ("seam", "valve_edge", "outer_edge")
+
+
+@dataclass(frozen=True)
+class Statement:
+    """A statement of the paper: where it stands, what it says and which number, the study that tests it, and how.
+
+    ``judge`` takes the study's dataset and returns what was found and the verdict; ``known`` says what is known about a
+    difference and is shown only where there is one.
+    """
+
+    section: str
+    text: str
+    paper: str
+    study: str
+    judge: Callable[[xr.Dataset], tuple[str, str]]
+    known: str
+
+
+def counted(checks: Iterable[bool], of: str) -> tuple[str, str]:
+    """Verdict on a statement about many: all, at least half of them, or fewer; ``of`` names them."""
+    collected = [bool(c) for c in checks]
+    share = sum(collected) / len(collected)
+    verdict = "reproduced" if share == 1 else "partly" if share >= 0.5 else "not"
+    return f"{sum(collected)} of {len(collected)} {of}", verdict
+
+
+def graded(value: float, low: float, high: float, wider: float) -> str:
+    """Verdict on a number: within [low, high], within ``wider`` of it, or not; what is no number is not."""
+    if low <= value <= high:
+        return "reproduced"
+    return "partly" if low - wider <= value <= high + wider else "not"
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# what is looked at
+
+
+def _end(dataset: xr.Dataset, name: str) -> xr.DataArray:
+    """A curve's value at the case's own P_a,max; NaN for one that failed before."""
+    return at_end(dataset[name]).where(dataset.case_status == "converged")
+
+
+def _each(array: xr.DataArray) -> np.ndarray:
+    return array.values.ravel()
+
+
+def _falling(array: xr.DataArray, dim: str) -> list[bool]:
+    """Whether neighbours along ``dim`` fall, one entry a pair; what is no number does not."""
+    return [bool(v) for v in (array.diff(dim) < 0).values.ravel()]
+
+
+def _range(values: np.ndarray, form: str = "{:.1f}") -> str:
+    known = values[np.isfinite(values)]
+    return f"{form} to {form}".format(known.min(), known.max()) if len(known) else "none"
+
+
+def onset_pressures(dataset: xr.Dataset) -> xr.DataArray:
+    """P_a (kPa) at which the tangent to Delta V_a where it rises fastest, over ``RISE`` kPa, meets zero, by case."""
+    step = float(dataset.actuation_pressure.diff("actuation_pressure").median())
+    span = max(1, round(RISE / step))
+    change, pressure = dataset.actuation_volume_change, dataset.actuation_pressure
+    slope = (change.shift(actuation_pressure=-span) - change) / (pressure.shift(actuation_pressure=-span) - pressure)
+    steepest = slope.fillna(-np.inf).argmax("actuation_pressure")
+    position = {"actuation_pressure": steepest}
+    return (pressure.isel(position) - change.isel(position) / slope.isel(position)).where(
+        slope.notnull().any("actuation_pressure")
+    )
+
+
+def _peak(dataset: xr.Dataset) -> xr.DataArray:
+    """Top-5 % von Mises stress (MPa) at P_a,max."""
+    return dataset.von_mises_peak.sel(frame="max")
+
+
+def _relative(values: xr.DataArray, dim: str, reference: float) -> dict[float, float]:
+    """Values over the one at ``reference`` along ``dim``, less one, for the others."""
+    change = values / values.sel({dim: reference}) - 1
+    return {float(k): float(v) for k, v in zip(values[dim].values, change.values, strict=True) if k != reference}
+
+
+def _percentages(changes: dict[float, float], symbol: str) -> str:
+    return ", ".join(f"{symbol} {k:g}: {v:+.1%}" for k, v in changes.items())
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# the judges
+
+
+def _onset(d: xr.Dataset) -> tuple[str, str]:
+    away = onset_pressures(d) - d.ventricular_pressure
+    text, verdict = counted(_each(np.abs(away) <= 3.0), "cases within 3 kPa")
+    return f"{text}; {_range(_each(away), '{:+.1f}')} kPa from P_v", verdict
+
+
+def _sharp_rise(d: xr.Dataset) -> tuple[str, str]:
+    low = d.sel(ventricular_pressure=3.8)
+    position = low.actuation_volume_change.interp(actuation_pressure=[3.8, 20.0, 60.0])
+    before, after = (position.isel(actuation_pressure=k + 1) - position.isel(actuation_pressure=k) for k in (0, 1))
+    times = (before / 16.2) / (after / 40.0)
+    text, verdict = counted(_each(times >= 2.0), "devices rise at least twice as fast below 20 kPa as above")
+    return f"{text}; {_range(_each(times))} times", verdict
+
+
+def _ratio_above_one(d: xr.Dataset) -> tuple[str, str]:
+    ratio = _each(_end(d, "io_ratio"))
+    text, verdict = counted(ratio > 1.0, "cases at P_a,max")
+    return f"{text}; {_range(ratio, '{:.2f}')}", verdict
+
+
+def _ratio_starts_at_one(d: xr.Dataset) -> tuple[str, str]:
+    started = d.io_ratio.where(d.actuation_volume_change >= ONSET_SHARE * _end(d, "actuation_volume_change"))
+    first = started.isel(actuation_pressure=started.notnull().argmax("actuation_pressure"))
+    text, verdict = counted(_each(np.abs(first - 1.0) <= 0.2), "cases within 0.2 of one at their onset")
+    return f"{text}; {_range(_each(first), '{:.2f}')}", verdict
+
+
+def _falls_with_pouches(name: str) -> Callable[[xr.Dataset], tuple[str, str]]:
+    def judge(d: xr.Dataset) -> tuple[str, str]:
+        values = _end(d, name) if "actuation_pressure" in d[name].dims else d[name]
+        return counted(_falling(values, "n_pouches"), "steps to more pouches")
+
+    return judge
+
+
+def _efficiency_range(d: xr.Dataset) -> tuple[str, str]:
+    eta = 100 * _each(d.efficiency_90ml)
+    text, verdict = counted((eta >= 43) & (eta <= 89), "cases")
+    return f"{text}; {_range(eta)} %", verdict
+
+
+def _efficiency_rises(d: xr.Dataset) -> tuple[str, str]:
+    return counted(_falling(-d.efficiency_90ml, "ventricular_pressure"), "steps to a higher P_v")
+
+
+def _jump(d: xr.Dataset) -> tuple[str, str]:
+    case = d.sel(n_pouches=6, ventricular_pressure=3.8)
+    middle, jump = (_each(v) for v in (0.5 * (case.buckling_before + case.buckling_after), case.buckling_jump))
+    known = np.isfinite(middle)
+    if not known.any():
+        return "no jump", "not"
+    largest, nearest = int(np.nanargmax(np.abs(jump))), int(np.nanargmin(np.abs(middle - 30.0)))
+    text, verdict = f"{jump[largest]:+.1f} ml at {middle[largest]:.1f} kPa", graded(middle[largest], 26.0, 34.0, 4.0)
+    if nearest != largest:
+        text += f", the largest of {known.sum()}; {jump[nearest]:+.1f} ml at {middle[nearest]:.1f} kPa"
+        verdict = "partly" if verdict == "not" and 26.0 <= middle[nearest] <= 34.0 else verdict
+    return text, verdict
+
+
+def _concentrated(d: xr.Dataset) -> tuple[str, str]:
+    share = d.von_mises_peak_share.sel(frame="max", zone=list(SEALED)).sum("zone", skipna=False)
+    times = _each(share / d.zone_share.sel(zone=list(SEALED)).sum("zone", skipna=False))
+    text, verdict = counted(times >= 1.5, "cases with at least 1.5 times their share of the area")
+    return f"{text}; {_range(times)} times", verdict
+
+
+def _more_with_fewer(d: xr.Dataset) -> tuple[str, str]:
+    peak = _peak(d)
+    more = float((peak.sel(n_pouches=4) / peak.sel(n_pouches=10) - 1).max())
+    return f"N_p = 4 over 10: {more:+.0%} at most", graded(more, 0.35, 0.65, 0.25)
+
+
+def _weakly_with_pressure(d: xr.Dataset) -> tuple[str, str]:
+    peak = _peak(d)
+    spread = _each((peak.max("ventricular_pressure") - peak.min("ventricular_pressure")) / peak.mean("ventricular_pressure"))
+    text, verdict = counted(spread <= 0.15, "devices within 15 %")
+    return f"{text}; {_range(100 * spread, '{:.0f}')} %", verdict
+
+
+def _outside_around(d: xr.Dataset) -> tuple[str, str]:
+    share = _each(d.direction_around.sel(frame="max", side="epicardial"))
+    text, verdict = counted(share > 0.5, "devices on most of the pouch area")
+    return f"{text}; {_range(100 * share, '{:.0f}')} % of it", verdict
+
+
+def _orthogonal(d: xr.Dataset) -> tuple[str, str]:
+    angle = _each(d.direction_between.sel(frame="max"))
+    text, verdict = counted(angle >= 60.0, "devices with a median angle of 60 degrees or more")
+    return f"{text}; {_range(angle, '{:.0f}')} degrees", verdict
+
+
+def _aligned(d: xr.Dataset) -> tuple[str, str]:
+    position, all_over = (d[n].sel(frame="max") for n in ("direction_between_at_seams", "direction_between"))
+    text, verdict = counted(_each(position < all_over), "devices with a smaller median angle near seams")
+    return f"{text}; {_range(_each(position), '{:.0f}')} degrees there", verdict
+
+
+def _valve_range(d: xr.Dataset) -> tuple[str, str]:
+    eta = 100 * _each(d.efficiency_90ml)
+    text, verdict = counted((eta >= 58.3) & (eta <= 67.8), "within one point of that range")
+    return f"{text}; {_range(eta)} %", verdict
+
+
+def _largest_at(name: str, dim: str, where: float, among: Sequence[float]) -> Callable[[xr.Dataset], tuple[str, str]]:
+    """Whether the largest value along a design axis is at ``where``; at a neighbour ``among`` it is so partly."""
+
+    def judge(d: xr.Dataset) -> tuple[str, str]:
+        values = _end(d, name) if "actuation_pressure" in d[name].dims else d[name]
+        values = values.squeeze(drop=True)
+        if not values.notnull().all():
+            return "cases are missing", "not"
+        collected = float(values[dim][int(values.values.argmax())])
+        listed = ", ".join(f"{k:g}: {v:.3g}" for k, v in zip(values[dim].values, values.values, strict=True))
+        return f"at {collected:g} ({listed})", "reproduced" if collected == where else "partly" if collected in among else "not"
+
+    return judge
+
+
+def _stroke_over_valves(d: xr.Dataset) -> tuple[str, str]:
+    stroke = _each(_end(d, "stroke_volume"))
+    spread = float((stroke.max() - stroke.min()) / stroke.mean())
+    return f"{_range(stroke)} ml, {spread:.0%} apart", graded(spread, 0.0, 0.05, 0.05)
+
+
+def _stress_over_valves(d: xr.Dataset) -> tuple[str, str]:
+    changes = _relative(_peak(d).squeeze(drop=True), "aspect_ratio", 3.0)
+    return _percentages(changes, "AR"), graded(min(changes.values()), -0.12, -0.04, 0.04)
+
+
+def _softer(d: xr.Dataset) -> tuple[str, str]:
+    changes = _relative(_peak(d).squeeze(drop=True), "stiffness_ratio", 1.0)
+    below = {k: v for k, v in changes.items() if k < 1}
+    return _percentages(below, "E_hat"), graded(float(np.mean(list(below.values()))), -0.14, -0.06, 0.05)
+
+
+def _stiffer(d: xr.Dataset) -> tuple[str, str]:
+    changes = _relative(_peak(d).squeeze(drop=True), "stiffness_ratio", 1.0)
+    return _percentages({1.25: changes[1.25]}, "E_hat"), graded(changes[1.25], 0.0, 0.10, 0.04)
+
+
+def _hardly_changes(d: xr.Dataset) -> tuple[str, str]:
+    curves = d.stroke_volume.squeeze(drop=True)
+    first = curves.isel(variant=0)
+    apart = {str(v): _distance(curves.sel(variant=v), first) for v in curves.variant.values[1:]}
+    text = ", ".join(f"{name} {value:.1%}" if value else f"{name} not tested (same solution)" for name, value in apart.items())
+    verdict = graded(max(apart.values()), 0.0, 0.05, 0.05)
+    untested = verdict == "reproduced" and 0.0 in apart.values()  # equilibria know no rate: the engine solves one case for both
+    return f"stroke differs from {curves.variant.values[0]} by: {text}", "partly" if untested else verdict
+
+
+def _distance(curve: xr.DataArray, other: xr.DataArray) -> float:
+    """Relative L2 distance over the ramp of ``other``; NaN, which no band holds, where the curve ends before it."""
+    position = {"actuation_pressure": np.flatnonzero(other.notnull())}
+    return float(np.linalg.norm((curve - other).isel(position)) / np.linalg.norm(other.isel(position)))
+
+
+def _rest_volume(d: xr.Dataset) -> tuple[str, str]:
+    volume = float(d.ventricle_volume.sel(n_pouches=8, ventricular_pressure=3.8).isel(actuation_pressure=0))
+    return f"{volume:.0f} ml (N_p = 8)", graded(volume, 285.0, 315.0, 15.0)
+
+
+_GEOMETRY = "The seams of N_p = 4, 6, 10 and all widths are not public"
+_SCATTER = "On coarse meshes single strokes vary by some 10 % between meshes and between wrinkle states (docs/methods.md)."
+STATEMENTS = (
+    Statement("Pressure-volume", "V_a starts to grow when P_a comes near P_v", "P_a near P_v", "afterload", _onset,
+              "The epicardium is loaded by P_a alone and bulges before the endocardium gives way."),
+    Statement("Pressure-volume", "V_a rises sharply up to some 20 kPa, then gradually", "P_a about 20 kPa at P_v = 3.8",
+              "afterload", _sharp_rise, f"{_GEOMETRY}. Wide pouches snap open at once, narrow ones fold open one by one."),
+    Statement("Pressure-volume", "less in, more out: the ratio exceeds one for all devices", "> 1", "afterload",
+              _ratio_above_one, f"{_GEOMETRY}."),
+    Statement("Pressure-volume", "the ratio starts close to one", "about 1", "afterload", _ratio_starts_at_one,
+              "Delta V_a grows faster than the stroke while the endocardium is still pushed outwards. Below 2 ml the paper's "
+              "figures cannot be read."),
+    Statement("Pressure-volume", "fewer pouches, more stroke", "falls with N_p", "afterload",
+              _falls_with_pouches("stroke_volume"), f"{_GEOMETRY}. {_SCATTER}"),
+    Statement("Afterload", "fewer pouches, higher ratio", "falls with N_p", "afterload", _falls_with_pouches("io_ratio"),
+              f"{_GEOMETRY}. The layout of the seams decides how much volume goes into the pouches."),
+    Statement("Afterload", "efficiencies at 90 ml", "43 to 89 %", "afterload", _efficiency_range, f"{_GEOMETRY}. {_SCATTER}"),
+    Statement("Afterload", "efficiency rises with P_v", "rises", "afterload", _efficiency_rises, _SCATTER),
+    Statement("Afterload", "efficiency falls with N_p", "falls", "afterload", _falls_with_pouches("efficiency_90ml"),
+              f"{_GEOMETRY}. {_SCATTER}"),
+    Statement("Buckling", "N_p = 6 jumps at P_v = 3.8 kPa", "about 30 kPa", "buckling", _jump,
+              "Where a fold snaps depends on the wrinkle state and on the mesh."),
+    Statement("Stress", "stress concentrates on seams and in buckled regions", "qualitative", "stress", _concentrated,
+              "The zones of this row are only seams and edges. Folds elsewhere count against it."),
+    Statement("Stress", "fewer pouches, up to 50 % more peak stress", "+50 %", "stress", _more_with_fewer,
+              f"{_GEOMETRY}. The model has no contact, which would stop N_p = 4."),
+    Statement("Stress", "peak stress depends weakly on P_v", "weak", "stress", _weakly_with_pressure,
+              "P_a,max rises with P_v as in the paper. Coarse meshes smooth the folds that cause the peaks."),
+    Statement("Strain", "outside, the largest strain runs around the device", "predominantly", "strain_paths", _outside_around,
+              "Wrinkles of the outer wall turn it locally."),
+    Statement("Strain", "inside, it runs about at right angles to that", "about 90 degrees", "strain_paths", _orthogonal,
+              "The angle is largest on pouches beside the axis. On the outermost pouches both run around the device."),
+    Statement("Strain", "at seams the directions of both surfaces align", "aligned", "strain_paths", _aligned,
+              "Near a seam the directions turn within an element or two."),
+    Statement("Valve support", "efficiency over AR", "59.3 to 66.8 %", "valve_support", _valve_range, f"{_GEOMETRY}."),
+    Statement("Valve support", "efficiency is largest at AR = 2.5", "2.5", "valve_support",
+              _largest_at("efficiency_90ml", "aspect_ratio", 2.5, (2.0, 3.0)),
+              "The differences are hardly larger than those between solutions of one design."),
+    Statement("Valve support", "AR hardly changes the stroke", "little", "valve_support", _stroke_over_valves,
+              _SCATTER),
+    Statement("Valve support", "smaller AR, less peak stress than at AR = 3", "-8 %", "valve_support", _stress_over_valves,
+              _SCATTER),
+    Statement("Compliance", "E_hat below one, less peak stress", "about -10 %", "compliance", _softer,
+              _SCATTER),
+    Statement("Compliance", "E_hat = 1.25, more peak stress", "up to +8 %", "compliance", _stiffer,
+              _SCATTER),
+    Statement("Compliance", "the largest stroke is that of E_hat = 0.75", "0.75", "compliance",
+              _largest_at("stroke_volume", "stiffness_ratio", 0.75, (0.5, 1.0)),
+              "The softest design has the largest value here. Without contact nothing stops it."),
+    Statement("Compliance", "the largest efficiency is that of E_hat = 0.75", "0.75", "compliance",
+              _largest_at("efficiency_90ml", "stiffness_ratio", 0.75, (0.5, 1.0)),
+              "The softest design has the largest value here. Without contact nothing stops it."),
+    Statement("Initial conditions", "symmetry and loading rate hardly change the curves", "very weakly", "symmetry",
+              _hardly_changes, "Halves of a device may fold differently and end in another wrinkle state. Newton computes "
+              "equilibria, which do not depend on the rate."),
+    Statement("Geometry", "the device holds 300 ml", "300 ml", "afterload", _rest_volume,
+              "The calibration keeps a stroke of 90 ml for every device instead, which needs wider pouches (docs/methods.md)."),
+)  # fmt: skip
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# the table
+
+
+def check(datasets: Mapping[str, xr.Dataset]) -> pd.DataFrame:
+    """One row a statement from the datasets of studies by name; a statement whose study is not among them has no verdict.
+
+    Numbers and verdicts are those of the first branch. Where studies have several, ``branches`` counts those with that verdict,
+    of those of which every case was solved.
+    """
+    rows = []
+    for statement in STATEMENTS:
+        collected = [("-", "no data")]
+        if statement.study in datasets:
+            dataset = datasets[statement.study]
+            first, *others = [dataset.sel(branch=b) for b in dataset.branch] if "branch" in dataset.dims else [dataset]
+            whole = [branch for branch in others if not (branch.case_status == "missing").any()]
+            collected = [_judged(statement, branch) for branch in (first, *whole)]
+            if lacks := int((first.case_status == "missing").sum()):
+                collected = [(f"{lacks} of {first.case_status.size} cases are not solved yet", "no data")]
+        ours, verdict = collected[0]
+        rows.append(
+            {
+                "section": statement.section,
+                "statement": statement.text,
+                "paper": statement.paper,
+                "ours": ours,
+                "verdict": verdict,
+                "branches": f"{sum(v == verdict for _, v in collected)} of {len(collected)}",
+                "study": statement.study,
+                "what is known": "" if verdict in ("reproduced", "no data") else statement.known,
+            }
+        )
+    several = any("branch" in d.dims for d in datasets.values())
+    return pd.DataFrame(rows).drop(columns=[] if several else "branches")
+
+
+def _judged(statement: Statement, dataset: xr.Dataset) -> tuple[str, str]:
+    """What one branch has to say to a statement: what was found and the verdict."""
+    try:
+        return statement.judge(on_grid(dataset))
+    except (AttributeError, KeyError, ValueError, IndexError) as error:  # other outputs, or another grid
+        return f"not in this dataset: {error}".replace("\n", " ")[:120], "no data"
+
+
+def on_grid(dataset: xr.Dataset) -> xr.Dataset:
+    """One branch without design axes that do not vary."""
+    designs = ("aspect_ratio", "stiffness_ratio", "width_scale")
+    return dataset.isel({d: 0 for d in designs if d in dataset.dims and dataset.sizes[d] == 1})
+
+
+def read_studies(data: Path) -> dict[str, xr.Dataset]:
+    """The datasets in a folder, ``<study>/study.nc`` or ``<study>.nc``, that statements need. Raises ``LimoError``."""
+    collected = {}
+    for name in dict.fromkeys(statement.study for statement in STATEMENTS):
+        for file in (p for p in (data / f"{name}.nc", data / name / "study.nc") if p.exists()):
+            try:
+                collected[name] = xr.load_dataset(file)
+            except (OSError, ValueError) as error:
+                raise LimoError(f"{file}: not a study's dataset ({error})") from None
+    return collected
+
+
+def write_check(data: Path, table: Path, page: Path, beside: Path | None = None) -> str:
+    """Write the table as CSV and as a page of documentation; returns a line with the count of each verdict.
+
+    ``beside``: datasets of another mesh or engine, whose verdicts get a column.
+    """
+    rows = compared(data, beside)
+    write_whole(table, lambda path: rows.to_csv(path, index=False))
+    write_whole(page, lambda path: path.write_text(page_of(rows, data, table, beside), encoding="utf-8"))
+    counts = rows.verdict.value_counts()
+    return ", ".join(f"{counts.get(v, 0)} {v}" for v in VERDICTS)
+
+
+def compared(data: Path, beside: Path | None = None) -> pd.DataFrame:
+    """The table of a folder of datasets, with a column for those of another one."""
+    rows = check(read_studies(data))
+    if beside:
+        other = check(read_studies(beside))
+        rows.insert(list(rows).index("study"), str(beside), other.verdict + ": " + other.ours)
+    return rows
+
+
+def page_of(rows: pd.DataFrame, data: Path, table: Path, beside: Path | None) -> str:
+    """The page of documentation about a table."""
+    counts, also = rows.verdict.value_counts(), f" --beside {beside}" if beside else ""
+    sentences = (
+        f"Generated by `limo paper-check --data {data}{also}`; do not edit. The same table is in `{table.name}`. A "
+        "statement about many cases is `reproduced` if it holds for all of them, and `partly` if it holds for at least half. A "
+        "statement about a number has two bands, which `scripts/limo/reports/paper_check.py` states. Nothing is tuned to turn a "
+        "row green, except the documented calibration of the geometry."
+    )
+    if "branches" in rows:
+        sentences += (
+            " Numbers and verdicts are those of the exact flat state. `branches` counts the solutions with the same verdict, "
+            "including those of slightly perturbed flat states."
+        )
+    if beside:
+        sentences += f" The column `{beside}` has the results of the datasets there."
+    counted_verdicts = ", ".join(f"{counts.get(v, 0)} {v}" for v in VERDICTS) + "."
+    return "\n\n".join(["# The paper's statements", sentences, counted_verdicts, markdown_table(rows)]) + "\n"

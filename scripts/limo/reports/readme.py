@@ -1,0 +1,319 @@
+"""The measured numbers of README.md, from the data that are kept in git, each with its mesh level and machine.
+
+Every time of a case comes from ``docs/data/performance.csv`` or ``docs/gallery/data/accuracy.nc``, which name the machine.
+"""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from limo.accuracy.statistics import settings_of
+from limo.cases.cost import duration, schedule
+from limo.config.load import load_config
+from limo.datasets.curves import at_end
+from limo.reports.accuracy_airbag import TRUSTED, published_draw_in, published_height, read_airbags
+from limo.reports.accuracy_device import error_text
+from limo.reports.kept import FIRST, STANDARD, Kept, first_branch, grids, made_with, reference_of, stock_factor
+from limo.reports.markdown import markdown_table, number
+from limo.reports.performance import slowest
+from limo.store.statuses import USABLE
+
+#: what the paper calls a mesh of its own density, and the airbag with published values
+DENSITY, AIRBAG = "paper", "classical"
+#: P_a (kPa) from which on the scatter of strokes is called that of the end of a ramp
+LATE = 40.0
+UNKNOWN = "not recorded"
+
+
+def parts(root: Path) -> dict[str, Callable[[], str]]:
+    """What makes the generated parts of README.md, by their names; ``root``: the project's folder."""
+    made = {"sweep": sweep, "sets": sets, "accuracy": accuracy, "presets": presets, "times": times, "limits": limits}
+    kept = Kept(root)
+    return {name: partial(part, kept) for name, part in made.items()}
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# tables
+
+
+def sweep(kept: Kept) -> str:
+    """What the first sweep takes and prints: the results of the gallery, the times of the recorded grid."""
+    dataset = first_branch(kept.study("pressure_volume"))
+    level, engine, _ = made_with(dataset)
+    grid = grids(kept).get((level, engine), kept.costs.iloc[:0])
+    rows, seconds, memory = [], [], []
+    for n in dataset.n_pouches.values:
+        case = dataset.sel(n_pouches=n).squeeze()
+        cost = grid[(grid.n_pouches == n) & (grid.ventricular_pressure == float(case.ventricular_pressure))]
+        cost = cost[(cost.aspect_ratio == float(case.aspect_ratio)) & (cost.stiffness_ratio == float(case.stiffness_ratio))]
+        cost = cost[cost.iterations == float(case.iterations)]  # another run has another time
+        seconds += [*(cost.cpu_seconds + cost.python_seconds)]
+        memory += [*cost.memory_mib]
+        rows.append(
+            {
+                "N_p": n,
+                "stroke at 60 kPa": f"{number(float(at_end(case.stroke_volume)), 0)} ml",
+                "ratio": number(float(at_end(case.io_ratio)), 2),
+                "front touches back from": f"{number(float(case.contact_front_back), 0)} kPa".replace("- kPa", "-"),
+                "efficiency at 90 ml": f"{number(100 * float(case.efficiency_90ml), 0)} %",
+                "dissipated": f"{number(100 * float(case.dissipated_fraction), 0)} %",
+                "iterations": number(float(case.iterations), 0),
+                "CPU": f"{cost.cpu_seconds.iloc[0]:.0f} s" if len(cost) else "-",
+            }
+        )
+    sentences = []
+    if len(seconds) == len(rows):
+        sentences = [
+            wrapped(
+                f"The sweep takes about {duration(schedule(seconds, 2))} on two cores and {max(memory):.0f} MiB per case. "
+                f"Without the faster build it takes {number(stock_factor(kept))} times as long. It prints:"
+            )
+        ]
+    where = wrapped(
+        f"Mesh level `{level}`, engine {engine} ({text_of(grid.build)}), P_v = {float(dataset.ventricular_pressure[0]):g} kPa. "
+        f"CPU: {text_of(grid.machine)}, two cases side by side."
+    )
+    return "\n\n".join([*sentences, markdown_table(pd.DataFrame(rows)), where])
+
+
+def sets(kept: Kept) -> str:
+    """The sets of the gallery: mesh level, engine, solves, and their CPU time."""
+    rows = []
+    for part in (FIRST, STANDARD):
+        solves = {}
+        for dataset in kept.studies(part):
+            branches = dataset.branch.broadcast_like(dataset.case_id).values.ravel()
+            each = zip(dataset.case_id.values.ravel(), dataset.solver_time.values.ravel(), branches, strict=True)
+            solves |= {case_id: (seconds, branch) for case_id, seconds, branch in each if np.isfinite(seconds)}
+        seconds = np.array([s for s, _ in solves.values()])
+        level, engine, build = made_with(kept.study("pressure_volume", part))
+        rows.append(
+            {
+                "set": f"`{Path('docs/gallery') / part}`",
+                "mesh level": f"`{level}`",
+                "engine": f"{engine} ({build})",
+                "cases": sum(branch == 0 for _, branch in solves.values()),
+                "solves": len(solves),
+                "CPU of a solve (median, longest)": f"{duration(float(np.median(seconds)))}, {duration(seconds.max())}",
+                "CPU of all": duration(seconds.sum()),
+                "machine": UNKNOWN,
+            }
+        )
+    return markdown_table(pd.DataFrame(rows))
+
+
+def accuracy(kept: Kept) -> str:
+    """How far results scatter, and how far they are from published ones."""
+    branches, mesh = (kept.paths[kept.paths.kind == kind] for kind in ("branch", "mesh"))
+    first = kept.paths[(kept.paths.kind == "same") & (kept.paths.run == "run 1")].set_index("pressure").stroke_volume
+    spread = branches[branches.pressure > 0].groupby("pressure").stroke_volume.agg(lambda s: s.std() / s.mean())
+    end = first.index.max()
+    others = mesh[np.isclose(mesh.pressure, end)].set_index("run").stroke_volume / first[end] - 1
+    moved, sized = others[others.index.str.startswith("jittered")], others[others.index.str.endswith("displacements")]
+    airbags = read_airbags(kept.root / "docs/gallery/data/airbag.csv")
+    airbag = load_config(str(kept.root / "config/config.yaml")).airbags[AIRBAG]
+    bricks = airbags[(airbags.airbag == AIRBAG) & (airbags.element == TRUSTED[0]) & (airbags.engine == TRUSTED[1])]
+    bricks = bricks[(bricks.planes == "symmetric") & (bricks.status == "converged")]
+    finest = bricks[bricks.divisions == bricks.divisions.max()].sort_values("potential_energy").iloc[0]
+    height, edge = finest.height / published_height(airbag) - 1, finest.edge_draw_in / published_draw_in(airbag) - 1
+    case = "N_p = 8, P_v = 3.8 kPa"
+    rows = [
+        (
+            f"How far do strokes scatter if flat states differ by a twentieth of a thickness? ({case})",
+            f"one standard deviation of {branches.run.nunique()} solutions: {100 * spread[10.0]:.1f} % at 10 kPa, at most "
+            f"{100 * spread[spread.index >= LATE].max():.1f} % from {LATE:g} kPa on",
+            "`coarsest`", "newton", "`docs/reliability.md`",
+        ),
+        (
+            f"How much does another mesh of about this size change the stroke at {end:g} kPa? ({case})",
+            f"moved nodes {between(moved)}, other element sizes {between(sized)}",
+            "`coarsest`", "newton", "`docs/reliability.md`",
+        ),
+        (
+            "Do the solutions agree with published ones? (square airbag)",
+            f"height {100 * height:+.1f} %, draw-in of the wrinkled edge {100 * edge:+.1f} %",
+            f"{finest.divisions} elements along half a side", f"{finest.engine}, {finest.element}", "`docs/accuracy.md`",
+        ),
+    ]  # fmt: skip
+    return markdown_table(pd.DataFrame(rows, columns=["question", "measured", "mesh level", "engine", "table"]))
+
+
+def presets(kept: Kept) -> str:
+    """What a preset costs and how large its errors are, on the device with the larger ones."""
+    device = kept.errors[kept.errors.device == "np8"]
+    rows = [
+        {
+            "preset": f"`{row.preset}`",
+            "mesh level": f"`{row.level}`",
+            "engine": row.engine,
+            "machine": row.machine,
+            "CPU of a solution": f"{row.cpu_seconds:.0f} s",
+            "memory": f"{row.memory_mib:.0f} MiB",
+            "error of volumes": error_text(row, "error_volumes", device),
+            "of stroke": error_text(row, "error_stroke", device),
+            "of stress": error_text(row, "error_stress", device),
+        }
+        for _, row in settings_of(device[device.preset != ""]).iterrows()
+    ]
+    note = wrapped(
+        "N_p = 8 at P_v = 3.8 kPa. Errors are against the finest mesh; ~ marks an error within its scatter. These runs keep 21 "
+        "frames, which cost iterations (`docs/methods.md`). Their seconds are therefore not those of the next table."
+    )
+    return "\n\n".join([markdown_table(pd.DataFrame(rows)), note])
+
+
+def times(kept: Kept) -> str:
+    """How long cases and grids take."""
+    rows = []
+    for (level, _), group in grids(kept).items():
+        one = group[(group.n_pouches == 10) & (group.ventricular_pressure == 3.8)].cpu_seconds
+        wall = schedule(group.cpu_seconds + group.python_seconds, 2)
+        rows.append(
+            {
+                "mesh level": f"`{level}`",
+                "engine": f"{text_of(group.engine)} ({text_of(group.build)})",
+                "machine": text_of(group.machine),
+                "CPU of a case": f"{group.cpu_seconds.min():.0f} to {group.cpu_seconds.max():.0f} s",
+                "of N_p = 10, P_v = 3.8 kPa": f"{one.iloc[0]:.0f} s" if len(one) else "-",
+                f"{len(group)} cases on two cores": duration(wall),
+                "memory": f"{group.memory_mib.max():.0f} MiB",
+            }
+        )
+    trust = wrapped(
+        f"Compare seconds within one line. Other work on the machine made the same run up to {number(slowest(kept.costs))} times "
+        "as long (`docs/performance.md`)."
+    )
+    return "\n\n".join([markdown_table(pd.DataFrame(rows)), trust])
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# limits
+
+
+def limits(kept: Kept) -> str:
+    """The limits that have numbers, as a list."""
+    made = (geometry, contact, preview, full_integration, wrinkles, ratio)
+    return "\n".join(wrapped(f"- {limit(kept)}") for limit in made)
+
+
+def geometry(kept: Kept) -> str:
+    """V_v at rest, which the calibration leaves."""
+    rest = {}
+    for part in (STANDARD, FIRST):
+        volume = kept.loads(part).ventricle_volume.sel(n_pouches=8, ventricular_pressure=3.8)
+        rest[kept.level(part)] = float(volume.isel(actuation_pressure=0).squeeze())
+    (level, fine), (other, coarse) = rest.items()
+    return (
+        "**Outlines and seams of N_p = 6 and 10 are not public.** Widths are calibrated. The ventricle of N_p = 8 holds "
+        f"{fine:.0f} ml at rest (mesh level {level}; {coarse:.0f} ml at {other}). The real device holds 300 ml "
+        "(`docs/methods.md`)."
+    )
+
+
+def contact(kept: Kept) -> str:
+    """Which devices touch themselves, and from which stored frame on at the lowest P_v."""
+    touches = kept.loads(STANDARD).contact_front_back
+    devices = touches.n_pouches.values[touches.notnull().any([d for d in touches.dims if d != "n_pouches"]).values]
+    first = touches.isel(ventricular_pressure=0)
+    collected = f"At mesh level {kept.level(STANDARD)} that is no device."
+    if len(devices):
+        collected = (
+            f"At mesh level {kept.level(STANDARD)} that is N_p = {listed([str(n) for n in devices])}. At P_v = "
+            f"{float(first.ventricular_pressure):g} kPa the first such frame is at P_a = {float(first.min()):.1f} kPa."
+        )
+    return (
+        f"**The model has no contact.** Strokes are too large once front and back touch. {collected} Figures mark such states "
+        "pale or with a star, from the first stored frame on."
+    )
+
+
+def preview(kept: Kept) -> str:
+    """Efficiencies on the coarse mesh, and peak stress and cycles of the preset against the mean of the reference."""
+    eta = [
+        f"{100 * float(d.efficiency_90ml.min()):.0f} to {100 * float(d.efficiency_90ml.max()):.0f} %"
+        for d in (kept.loads(FIRST), kept.loads(STANDARD))
+    ]
+    stress, cycles = [], []
+    for _, rows in kept.errors.groupby("device"):
+        settings, mean = settings_of(rows), reference_of(rows)
+        selected = settings[settings.preset == "preview"].iloc[0]
+        stress.append(100 * (1 - selected.stress / mean.stress))
+        cycles.append(10 ** (selected.cycles_decades - mean.cycles_decades))
+    return (
+        f"**Use {kept.level(FIRST)} for orientation only.** Its efficiencies at 90 ml are {eta[0]} instead of {eta[1]} at "
+        f"{kept.level(STANDARD)} (`docs/paper_check.md`). Its peak stress is {min(stress):.0f} to {max(stress):.0f} % too low, "
+        f"and its cycle counts are {min(cycles):.0f} to {max(cycles):.0f} times too high (`docs/accuracy.md`). Compare results "
+        "on one mesh level only."
+    )
+
+
+def full_integration(kept: Kept) -> str:
+    """Strokes of both elements on a mesh as dense as the paper's, against the mean of the reference."""
+    rows = kept.errors[kept.errors.device == "np4"]
+    selected, mean = rows[(rows.part == "accuracy") & (rows.level == DENSITY) & rows.status.isin(USABLE)], reference_of(rows)
+    less = {element: 100 * (1 - group.stroke.iloc[0] / mean.stroke) for element, group in selected.groupby("element", sort=False)}
+    return (
+        "**Full integration (C3D20, CalculiX's S8) is too stiff.** On a mesh as dense as the paper's (`paper`), N_p = 4 ejects "
+        f"{less['C3D20']:.0f} % less than on the finest mesh (`{mean.level}`). With C3D20R it ejects {less['C3D20R']:.0f} % less "
+        "(`docs/accuracy.md`)."
+    )
+
+
+def wrinkles(kept: Kept) -> str:
+    """How far apart the solutions of one case end, over the studies of the fine set."""
+    apart = 0.0
+    for dataset in kept.studies(STANDARD):
+        stroke = dataset.stroke_volume
+        if "branch" in stroke.dims:
+            low, high = stroke.min("branch"), stroke.max("branch")
+            apart = max(apart, float(at_end((high - low) / high).max()))
+    return (
+        "**Wrinkled states are not unique.** Differences smaller than the scatter between `branches` are not significant. At "
+        f"{kept.level(STANDARD)} the strokes of one device end within {number(100 * apart)} % (`docs/gallery/standard`)."
+    )
+
+
+def ratio(kept: Kept) -> str:
+    """The ratio at P_a,max over the number of pouches."""
+    low = kept.loads(STANDARD).sel(ventricular_pressure=3.8)
+    values = at_end(low.io_ratio).squeeze()
+    devices = [str(n) for n in values.n_pouches.values]
+    return (
+        f"**The ratio grows with N_p here, up to N_p = {devices[int(np.argmax(values.values))]}.** It is "
+        f"{listed([number(float(v), 2) for v in values.values])} at P_a = {float(low.actuation_pressure_reached.min()):.0f} kPa "
+        f"for N_p = {listed(devices)} (mesh level {kept.level(STANDARD)}, P_v = 3.8 kPa). The paper finds a higher ratio with "
+        "fewer pouches."
+    )
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# words
+
+
+def wrapped(text: str) -> str:
+    """A paragraph, or an item of a list, in lines as long as those of README.md."""
+    indent = "  " if text.startswith("- ") else ""
+    whole = text.replace(" = ", "\0=\0")  # a symbol stays with its value
+    lines = textwrap.fill(whole, 128, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)
+    return lines.replace("\0", " ")
+
+
+def between(shares: pd.Series) -> str:
+    """The range of some changes."""
+    return f"{100 * shares.min():+.0f} to {100 * shares.max():+.0f} %"
+
+
+def listed(words: list[str]) -> str:
+    """``a, b and c``."""
+    return " and ".join([", ".join(words[:-1]), words[-1]]) if len(words) > 1 else words[0]
+
+
+def text_of(values: pd.Series) -> str:
+    """The different texts of a column, or that there are none."""
+    return ", ".join(sorted({str(v) for v in values})) or UNKNOWN

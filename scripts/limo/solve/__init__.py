@@ -1,0 +1,1 @@
+"""From mesh to result: attempts, recovery ladder, judge."""

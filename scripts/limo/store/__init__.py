@@ -1,0 +1,1 @@
+"""Files on disk: whole, hashed, locked; statuses; the machine."""

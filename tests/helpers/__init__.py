@@ -1,0 +1,1 @@
+"""What several test files use: small models, written cases, curves, the page of results."""

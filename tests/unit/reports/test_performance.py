@@ -1,0 +1,90 @@
+"""Raw measurements in, the report out."""
+
+import pandas as pd
+import pytest
+
+from limo.cases.grid import study_cases
+from limo.cases.plan import make_plan
+from limo.config.project import Project
+from limo.errors import ResultError
+from limo.reports.overhead import COLUMNS, read_overhead
+from limo.reports.performance import measurements, read_measurements, record, report
+from limo.schema.study import Study
+from limo.store.files import write_json
+from tests.helpers.curves import history_of
+
+
+@pytest.fixture
+def measured(loaded, tmp_path):
+    """Rows of one solved case of two: it took 120 s for half of its run."""
+    study = Study(
+        description="a change", axes={"n_pouches": [4, 6], "ventricular_pressure": [3.8]}, actuation_pressure_max=60,
+    )  # fmt: skip
+    one = Project(loaded.config, loaded.devices, {"base": study}, loaded.files)
+    case = next(iter(study_cases(one, "base").values()))
+    folder = tmp_path / "cases" / case.case_id
+    folder.mkdir(parents=True)
+    history_of(case, 26.0).to_netcdf(folder / "volumes.nc")
+    status = {
+        "status": "timed_out", "solver": {"version": "2.20", "build": "stock"}, "elements": 100,
+        "actuation_pressure_reached": 26.0, "iterations_by_stage": {"fit": 10, "hold": 5, "ramp": 85}, "rejected_attempts": 3,
+        "increments": 20, "dissipated_fraction": 0.04, "solver_cpu_seconds": 120.0, "python_cpu_seconds": 2.0,
+        "solver_wall_seconds": 130.0, "solver_memory_mib": 100.0,
+    }  # fmt: skip
+    write_json(folder / "status.json", status)
+    return measurements(one, make_plan(one, tmp_path), "levers", ["base"], tmp_path)
+
+
+def test_a_row_says_what_was_run_what_it_cost_and_how_far_it_came(measured):
+    assert len(measured) == 1, "the case that is not on disk has no row"
+    row = measured.iloc[0]
+    assert (row.study, row.change, row.engine, row.build) == ("base", "a change", "calculix", "stock")
+    assert (row.iterations_fit, row.iterations_ramp, row.cpu_seconds) == (10, 85, 120.0)
+    assert row.stroke == pytest.approx(52.0), "2 ml a kPa"
+    # fit 20 s at 1e7 1/s, hold and ramp of 240 s at 1e6 1/s, which run ten times longer
+    assert row.path_share == pytest.approx((20 + 200 + 2400 * 26 / 60) / (20 + 200 + 2400), rel=1e-4)
+
+
+def test_a_new_measurement_takes_the_place_of_the_old_one(measured, tmp_path):
+    file = tmp_path / "table.csv"
+    record(measured, file)
+    record(measured.assign(cpu_seconds=60.0), file)
+    record(measured.assign(batch="again"), file)
+    rows = read_measurements(file)
+    assert list(rows.cpu_seconds) == [60.0, 120.0]
+    assert list(rows.batch) == ["levers", "again"]
+
+
+def test_the_report_judges_changes_and_targets_by_the_numbers(measured):
+    base = measured.assign(
+        variant="base", status="converged", path_share=1.0, pressure_reached=60.0, cpu_seconds=100.0, stroke=100.0
+    )
+    variants = {"faster": (50.0, 101.0), "wrong": (50.0, 110.0), "slower": (99.0, 100.0)}
+    rows = [base, *(base.assign(variant=n, change=n, cpu_seconds=c, stroke=s) for n, (c, s) in variants.items())]
+    paper = base.assign(batch="stock", variant="paper", cpu_seconds=600.0, path_share=0.1)
+    overhead = pd.DataFrame([("no_op", 19, 4.0, 3, "a"), ("dry_run", 1000, 16.0, 3, "a")], columns=COLUMNS)
+    text = report(pd.concat([*rows, paper], ignore_index=True), overhead)
+    verdict = {n: next(line for line in text.splitlines() if f"| {n} |" in line).split("|")[-2].strip() for n in variants}
+    assert verdict == {"faster": "yes", "wrong": "no", "slower": "no"}
+    lines = [line for line in text.splitlines() if "deck of the paper on the stock build: calculix" in line]
+    assert len(lines) == 1
+    assert "60 times" in lines[0]
+    assert lines[0].endswith("yes |")
+    assert "not measured" in next(line for line in text.splitlines() if "`grid_preview_newton`, 19" in line)
+    assert "| nothing to do in 19 solved cases | at most 5 s | 4 s | yes |" in text
+    assert "| dry run of a study of 1,000 cases | at most 15 s | 16 s | no |" in text
+
+
+def test_times_of_snakemake_are_read_and_none_where_none_were_measured(tmp_path):
+    assert read_overhead(tmp_path / "absent.csv").empty
+    (tmp_path / "other.csv").write_text("a,b\n1,2\n")
+    with pytest.raises(ResultError, match="no columns what"):
+        read_overhead(tmp_path / "other.csv")
+
+
+def test_a_file_that_is_no_table_is_refused(tmp_path):
+    (tmp_path / "other.csv").write_text("a,b\n1,2\n")
+    with pytest.raises(ResultError, match="no columns batch"):
+        read_measurements(tmp_path / "other.csv")
+    with pytest.raises(ResultError, match="not a table"):
+        read_measurements(tmp_path / "absent.csv")
