@@ -49,8 +49,8 @@ PAPER = [
     "symmetry",
 ]
 # a process of one job asks for nothing: what started it has decided
-TARGETS = workflow.dag_settings.targets if workflow.is_main_process and workflow.dag_settings else []
-ASKED = asked_studies(TARGETS, RESULTS, {"paper": PAPER}) if workflow.is_main_process else []
+WORDS = sys.argv[1:] if workflow.is_main_process else []
+ASKED = asked_studies(WORDS, CONFIG_FILE, RESULTS, {"paper": PAPER}) if workflow.is_main_process else []
 try:
     check_folder(workflow.basedir)
     check_results(Path.cwd())
@@ -59,8 +59,8 @@ try:
             expected = f"the key file alone: {key} is a line of that file"
             raise ConfigError("snakemake --config", key, value, expected, f"--config file={CONFIG_FILE}")
     # errors are gathered from all studies that have a role, and nobody knows that of a broken one
-    PROJECT = load_config(CONFIG_FILE, ASKED, strict="accuracy" in TARGETS)
-    NEEDED = engines_of(PROJECT, ASKED or PROJECT.config.studies)
+    PROJECT = load_config(CONFIG_FILE, ASKED, strict="accuracy" in WORDS)
+    NEEDED = engines_of(PROJECT, ASKED)
     PROJECT, CCX = with_found_builds(PROJECT, CONFIG_FILE, needed=NEEDED)
     asked = [*ASKED, *(PROJECT.config.studies if "all" in ASKED else [])]
     if compared := [name for name in asked if name in PROJECT.studies and PROJECT.studies[name].measured]:

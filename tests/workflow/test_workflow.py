@@ -229,8 +229,9 @@ def test_accuracy_solves_the_devices_that_have_a_reference(project):
     without_airbags(project)
     assert "gather_accuracy" not in project.planned("accuracy"), "no device has a reference"
     axes = {"n_pouches": [8], "ventricular_pressure": [3.8]}
-    project.study("reference_small", axes=axes, engine="newton", branches=2, figures=[])
-    project.study("accuracy_small", axes=axes, figures=[], variants={"plain": {}, "half": {"mesh": {"symmetry": "front_back"}}})
+    reference, accuracy = ({"role": role, "subject": "small", "axes": axes, "figures": []} for role in ("reference", "accuracy"))
+    project.study("reference_small", engine="newton", branches=2, **reference)
+    project.study("accuracy_small", variants={"plain": {}, "half": {"mesh": {"symmetry": "front_back"}}}, **accuracy)
     planned = project.planned("accuracy")
     assert planned["solve_case"] == 4
     assert (planned["gather_study"], planned["keep_runs"]) == (1, 1)
@@ -242,8 +243,9 @@ def test_a_reference_is_solved_once_and_kept(project):
     without_airbags(project)
     axes, kept = {"n_pouches": [8], "ventricular_pressure": [3.8]}, project.folder / "docs/gallery/data/reference_small_runs.nc"
     same = {"axes": axes, "engine": "newton", "figures": [], "outputs": ["volumes", "stress", "fatigue"], "frames": [0, 10]}
-    project.study("reference_small", branches=2, **same)
-    project.study("accuracy_small", variants={"even": {"mesh": {"symmetry": "front_back"}}}, **same)
+    same |= {"subject": "small"}
+    project.study("reference_small", branches=2, role="reference", **same)
+    project.study("accuracy_small", variants={"even": {"mesh": {"symmetry": "front_back"}}}, role="accuracy", **same)
     done = project.snakemake("accuracy")
     assert done.returncode == 0, done.stdout + done.stderr
     assert rows(kept) == table("<study>_runs.nc")
@@ -255,7 +257,7 @@ def test_a_reference_is_solved_once_and_kept(project):
         shutil.rmtree(project.folder / "results/cases" / case_id)
     assert "solve_case" not in project.planned("accuracy")
 
-    project.study("reference_small", branches=3, **same)
+    project.study("reference_small", branches=3, role="reference", **same)
     assert project.planned("accuracy")["solve_case"] == 1
     for leftover in ("results", ".snakemake"):
         (project.folder / leftover).rename(project.folder / f"{leftover}_of_before")

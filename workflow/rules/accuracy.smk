@@ -187,7 +187,6 @@ rule draw_accuracy:
 
 rule accuracy:
     input:
-        airbag_targets(),
-        device_targets(),
+        accuracy_targets,
     message:
         "Measured errors"

@@ -137,7 +137,12 @@ def study_targets(name, wildcards=None):
 
 
 def targets_of(names, wildcards=None):
-    """The same of those of some studies that there are."""
+    """The same of those of some studies that there are; a broken one is refused."""
+    try:
+        for name in names:
+            PROJECT.require_sound(f"studies/{name}")
+    except LimoError as error:
+        raise WorkflowError(str(error)) from None
     return [file for name in names if name in PROJECT.studies for file in study_targets(name)]
 
 
@@ -252,3 +257,12 @@ def device_targets():
     """Figures of the errors of the device, and the dataset that they are drawn from; nothing without a reference."""
     figures = expand("docs/gallery/{figure}.png", figure=DEVICE_FIGURES)
     return [RESULTS.accuracy, *figures] if ERROR_STUDIES else []
+
+
+def accuracy_targets(wildcards):
+    """All measured errors; refused where a file is broken, because nobody knows whether its rows would be lost."""
+    try:
+        PROJECT.require_all()
+    except LimoError as error:
+        raise WorkflowError(str(error)) from None
+    return airbag_targets() + device_targets()

@@ -1,8 +1,8 @@
 """What an iteration takes on ever larger models, measured up to what the machine holds.
 
-The full device is meshed finer and finer, by a constant factor of displacements, and each model is iterated a few times from its
-flat state: time and memory of a direct solver depend on the pattern of its matrix and not on the state. A size of which the
-last ones let expect more memory or time than there is is not tried.
+The full device is meshed finer and finer, by a constant factor of displacements. Each model is iterated a few times from its flat
+state: time and memory of a direct solver depend on the pattern of its matrix and not on the state. The last sizes predict memory
+and time of the next one, which is not tried if it would take more than there is.
 """
 
 from __future__ import annotations

@@ -32,8 +32,8 @@ class Surface:
     """What is kept of a run's shapes: w / L (f,) at pressures (f,) in kPa, and the deformed middle surface of its last frame.
 
     ``points`` (n, 3) in mm and ``quads`` (m, 8) are those of the part that was solved, of which ``symmetry`` makes the full
-    device. ``sections``: for each frame the segments (k, 2, 2), x and z in mm of both ends, in which the plane y / L =
-    ``SECTION`` cuts that part.
+    device. ``sections``: for each frame the segments (k, 2, 2) in which the plane y / L = ``SECTION`` cuts that part; x and z of
+    both ends in mm.
     """
 
     pressure: np.ndarray

@@ -1,7 +1,7 @@
 """Inflation of a square airbag (paper, *Square airbag inflation convergence*): a quarter of its upper sheet.
 
-The sheet is flat, 0 <= x, y <= side / 2, with its centre M at the origin, the middle B of an edge at (side / 2, 0) and a
-corner at (side / 2, side / 2). A uniform follower pressure p acts from below.
+The sheet is flat, 0 <= x, y <= side / 2, with its centre M at the origin. The middle B of an edge is at (side / 2, 0), a corner
+at (side / 2, side / 2). A uniform follower pressure p acts from below.
 
     x = 0: u_x = 0,   y = 0: u_y = 0,   outer edge: u_z = 0, free to rotate
 

@@ -131,7 +131,7 @@ def potential_energy(model: Model, displacements: np.ndarray) -> float:
     """Pi = W - p V in J of a brick model's state (n, 3) in mm; NaN of shells, whose layer the solver makes itself.
 
     W is the strain energy and V the volume between the sheet and the plane of its edge. Equilibria are stationary points of
-    Pi and stable ones its minima, so of two wrinkled states on one mesh the lower one is nearer to rest for good.
+    Pi, stable ones its minima. So of two wrinkled states on one mesh the lower one is nearer to rest for good.
     """
     if model.element.is_shell:
         return np.nan

@@ -22,7 +22,7 @@ class Case:
 
     Pressures in kPa. ``frames`` are the pressures (kPa) whose displacements are kept; they do not belong to the identity.
     ``build`` names the build of the engine, so that results of two builds lie side by side. ``branch`` is 0 for the flat state
-    as it is, and otherwise the seed of a perturbation of it that is far below what could be made.
+    as it is. Otherwise it is the seed of a perturbation far below what could be made.
     """
 
     device: Device

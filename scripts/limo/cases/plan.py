@@ -1,7 +1,7 @@
 """Which case stands for which: what is solved already, what has to be solved, and nothing twice.
 
-The ramp of a case does not know where it will stop, so a case that goes to a higher P_a,max passes through every state of
-one that stops earlier: one solve serves both. A study says how far this may go (``reuse``).
+The ramp of a case does not know where it will stop. A case that goes to a higher P_a,max passes through every state of one that
+stops earlier, so one solve serves both. A study says how far this may go (``reuse``).
 """
 
 from __future__ import annotations

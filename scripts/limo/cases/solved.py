@@ -113,8 +113,8 @@ def is_sound(files: CaseFiles, described: dict[str, Any], status: SolveStatus) -
 def keep(folder: Path) -> None:
     """Give the results of a case, solved just now, second names in its folder, which Snakemake does not know.
 
-    It removes the results of a job that was broken off before it starts it again, also of one that had written all of them and
-    was only not yet reported. Links take no room; where the file system knows none, such a case is solved again.
+    Before it starts a broken-off job again, it removes its results. It does so even if the job had written all of them and was
+    only not yet reported. Links take no room; where the file system knows none, such a case is solved again.
     """
     files = CaseFiles(folder)
     aside = files.kept.folder

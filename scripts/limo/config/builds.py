@@ -36,13 +36,14 @@ def open_project(config_file: str, studies: Iterable[str] = (), example: str = "
     project = load_config(config_file, names or [ALL], strict=strict)
     project.require(names, config_file, example)
     warn_of_broken(project)
-    needed = project.engines if strict else engines_of(project, names or project.config.studies)
+    needed = project.engines if strict else engines_of(project, names or [ALL])
     return with_found_builds(project, config_file, needed=needed)[0]
 
 
 def engines_of(project: Project, studies: Iterable[str]) -> set[str]:
-    """The engines that solve some studies; names of none are passed over."""
-    return {engine for name in studies if name in project.studies for engine in project.engines_of(name)}
+    """The engines that solve some studies; ``all`` are those that the configuration runs, names of none are passed over."""
+    names = [name for asked in studies for name in (project.config.studies if asked == ALL else [asked])]
+    return {engine for name in names if name in project.studies for engine in project.engines_of(name)}
 
 
 def warn_of_broken(project: Project) -> None:

@@ -23,19 +23,19 @@ def check_layouts(pattern: Pattern, numbers: Iterable[int], file: Path) -> None:
     """Raise ``ConfigError``, which names the device's ``file``, for the first number of pouches whose layout cannot be cut."""
     content = pattern.model_dump(mode="json")
     keys = {n: digest([content, n, code_digest(CODE)]) for n in numbers}
-    unknown = {n: key for n, key in keys.items() if key not in _known()}
+    unknown = {n: key for n, key in keys.items() if key not in known_layouts()}
     if not unknown:
         return
     from limo.geometry.pattern import flat_pattern
 
     for n_pouches, key in unknown.items():
         flat_pattern(pattern, n_pouches, file)
-        _known().add(key)
+        known_layouts().add(key)
     _keep()
 
 
 @cache
-def _known() -> set[str]:
+def known_layouts() -> set[str]:
     """The layouts that have been tried, and could be cut."""
     try:
         return {key for key in json.loads(FILE.read_text()) if isinstance(key, str)}
@@ -48,7 +48,7 @@ def _keep() -> None:
     aside = FILE.with_name(f"{FILE.name}.{os.getpid()}")
     try:
         aside.parent.mkdir(exist_ok=True)
-        aside.write_text(json.dumps(sorted(_known())[:MOST]))
+        aside.write_text(json.dumps(sorted(known_layouts())[:MOST]))
         aside.replace(FILE)
     except OSError:
         aside.unlink(missing_ok=True)

@@ -30,6 +30,7 @@ RULES = (
     *(ALL, "mesh_device", "solve_case", "measure_case", "write_fields", "gather_study", "gather_shapes", "draw_figure"),
     *("fit_material", "material", "check_paper", "paper", "stress_test", "export_study", "page"),
     *("accuracy", "solve_airbag", "gather_airbag", "draw_airbag", "keep_airbags", "gather_accuracy", "draw_accuracy"),
+    *("keep_runs", "time_case", "measure_scaling"),
 )
 _KINDS: dict[str, type[Section]] = {"devices": Device, "studies": Study, "airbags": Airbag}
 

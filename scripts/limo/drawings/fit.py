@@ -21,9 +21,9 @@ STRAIGHT = 0.04  # of the tolerance, by which points on one line may miss it
 def curves_of(points: np.ndarray, tolerance: float) -> list[np.ndarray]:
     """Curves (k, 2), end to start, whose smooth lines are within ``tolerance`` mm of a drawn polyline (n, 2) and it of them.
 
-    The polyline is parted at corners, and where a straight piece begins or ends: a turn is either where the drawing turns by
-    more than ``SHARP`` and three times as much as around it, or where one of the two segments is too long to be the chord of
-    a curve that turns so: theta a^2 / (4 (a + b)) > tolerance, with the turn theta and the segments a >= b.
+    The polyline is parted at corners, and where a straight piece begins or ends. A corner turns by more than ``SHARP`` and three
+    times as much as around it. A straight piece is too long to be the chord of a curve that turns so:
+    theta a^2 / (4 (a + b)) > tolerance, with the turn theta and the segments a >= b.
     """
     parts = _parts(points, tolerance)
     return [part[[0, -1]] if _is_straight(part, tolerance) else spline_points(part, tolerance) for part in parts]

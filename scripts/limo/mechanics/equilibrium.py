@@ -7,8 +7,8 @@ mass-proportional damping. What the constraints take is removed: prescribed and 
 carry over to their other nodes.
 
 The layer is so thin that the rounding of stored displacements (single precision) disturbs the forces across it. These
-are self-equilibrated, so the residual is also given for the sum of the forces over the thickness (``resultant``), and every
-residual comes with the part that rounding alone explains (``floor``).
+are self-equilibrated, so the residual is also given for the sum of the forces over the thickness (``resultant``). Every residual
+comes with the part that rounding alone explains (``floor``).
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
 """Deformation, strain and stress of the fabric layer at its integration points and on its bottom, middle and top surfaces.
 
-The layer is one quadratic brick thick. Over its area the points are the 2 x 2 Gauss points, where the strains of a brick
-with reduced integration are most accurate (at its corners they are not); through its thickness they are where they are wanted.
+The layer is one quadratic brick thick. Over its area the points are the 2 x 2 Gauss points: there, not at its corners, the
+strains of a brick with reduced integration are most accurate. Through its thickness the points are where they are wanted.
 
 Stored frames are single precision, as CalculiX's own results are. A displacement of 32 to 64 mm is then rounded by up to
-2e-6 mm, which over a thickness of 0.19 mm is a strain of 1e-5 to 4e-5 across the layer. Along the layer the same rounding
+2e-6 mm. Over a thickness of 0.19 mm this is a strain of 1e-5 to 4e-5 across the layer. Along the layer the same rounding
 is a hundred times less. docs/stress.md says what that means for stresses.
 """
 
@@ -136,8 +136,8 @@ def inside_out(mesh: DeviceMesh, values: np.ndarray) -> np.ndarray:
 def nodal(mesh: DeviceMesh, values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Values (m, 4, ...) at the 2 x 2 Gauss points -> values at nodes, layer by layer, for drawing.
 
-    Bilinear from the Gauss points to the nodes of each element, then the mean of the elements of the same layer and face
-    that meet there. Returns the values (p, ...), the mesh's node (p,) of each, and the quadrilaterals (m, 8) as indices
+    Values go bilinearly from the Gauss points to the nodes of each element. Elements of the same layer and face that meet at a
+    node are averaged. Returns the values (p, ...), the mesh's node (p,) of each, and the quadrilaterals (m, 8) as indices
     into them: a node where layers are sealed together appears once for each.
     """
     matrix = _to_nodes()

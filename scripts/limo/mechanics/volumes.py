@@ -1,7 +1,7 @@
 """Cavity volumes by the divergence theorem (paper, *Cavity volume calculation*).
 
 V = 1/3 * integral of x . n dS over the closed surface. The planes that close a model (valve plane y = 0, symmetry planes
-x = 0 and z = 0) pass through the origin and add nothing, so only the fabric is integrated, on its middle surface.
+x = 0 and z = 0) pass through the origin and add nothing. So only the fabric is integrated, on its middle surface.
 """
 
 from __future__ import annotations

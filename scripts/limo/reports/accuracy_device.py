@@ -319,7 +319,7 @@ def _mesh(rows: pd.DataFrame) -> list[str]:
 
 
 def _paper(rows: pd.DataFrame) -> list[str]:
-    """Largest w and d_c / L as the paper takes them, of the mesh that it says so of and of its own element at its own density."""
+    """Largest w and d_c / L as the paper takes them: of the mesh that it names, and of its own element at its own density."""
     settings, lines = settings_of(rows), []
     for _, run in settings[settings.varied.isin(["", "level"]) & (settings.level == PAPER_LEVEL)].iterrows():
         if verdicts := _within_paper(run, rows):

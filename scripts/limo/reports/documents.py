@@ -11,7 +11,19 @@ import pandas as pd
 from limo.config.json_schemas import json_schemas
 from limo.config.load import load_config
 from limo.errors import LimoError
-from limo.reports import accuracy, blocks, configuration, gallery, overhead, paper_check, performance, readme, reliability, rooms
+from limo.reports import (
+    accuracy,
+    blocks,
+    configuration,
+    entry,
+    gallery,
+    overhead,
+    paper_check,
+    performance,
+    readme,
+    reliability,
+    rooms,
+)
 from limo.store.files import write_whole
 
 #: where the kept data lie in the project's folder
@@ -32,7 +44,9 @@ def _accuracy(root: Path) -> str:
 
 def _performance(root: Path) -> str:
     rows = performance.read_measurements(root / DATA / "performance.csv")
-    return performance.report(rows, overhead.read_overhead(root / DATA / "overhead.csv"))
+    return performance.report(
+        rows, overhead.read_overhead(root / DATA / "overhead.csv"), entry.read_entry(root / DATA / "entry.csv")
+    )
 
 
 def _gallery(config: str, part: str) -> Callable[[Path], str]:

@@ -23,6 +23,7 @@ from limo.config.project import Project
 from limo.engines.find import find_engine
 from limo.errors import LimoError
 from limo.measure.ramp import ramp_of
+from limo.reports.entry import entry_table
 from limo.reports.markdown import markdown_table, number, read_rows, shown, signed_percent
 from limo.reports.overhead import NOTHING, PLANNING
 from limo.schema.section import ENGINES
@@ -128,8 +129,8 @@ DECKS = {"calculix": "fast", "newton": "-"}
 CASE = ["n_pouches", "ventricular_pressure", "aspect_ratio", "stiffness_ratio"]
 
 
-def report(rows: pd.DataFrame, overhead: pd.DataFrame) -> str:
-    """docs/performance.md from raw measurements and what ``limo.reports.overhead`` measured; what was not measured says so."""
+def report(rows: pd.DataFrame, overhead: pd.DataFrame, entry: pd.DataFrame) -> str:
+    """docs/performance.md from raw measurements, and from what ``overhead`` and ``entry`` measured; a gap says so."""
     rows = with_iterations(rows)
     machines = ", ".join(sorted(rows.machine.dropna().unique()))
     parts = [
@@ -156,6 +157,10 @@ def report(rows: pd.DataFrame, overhead: pd.DataFrame) -> str:
         "limit. Its CPU time is extrapolated in proportion to the share of the solver's clock that it reached. This is a lower "
         "bound, because the costly snaps of the ramp lie beyond.",
         markdown_table(_builds(rows)),
+        "## To enter the project",
+        "Written by `limo performance beside CHECKOUT`: medians of CPU time in this checkout and in an older one, measured in "
+        "turns. `limo performance beside CHECKOUT --tests` adds the wall time of the tests, once each.",
+        entry_table(entry),
         "## How far seconds are to be trusted",
         "CPU seconds depend on what else runs on the machine, so compare them within a batch only. These runs were measured in "
         "several batches, with the same iterations and results. Where the wall time exceeds the CPU time, other work shared the "

@@ -5,8 +5,8 @@ So every solved case is measured (``measure``), the raw numbers are kept, and ``
 
 - wrong, hence ``diverged``: displacements that are no numbers or beyond all bounds, elements turned inside out, forces far
   out of equilibrium;
-- right within limits that a study may not accept, hence ``degraded``: too much damping, energy from nowhere, jumps of a volume
-  that are no buckling event, no rest before the ramp, a residual above its limit, fabric far beyond what its law is for.
+- right within limits that a study may not accept, hence ``degraded``: too much damping, energy from nowhere, no rest before the
+  ramp, a residual above its limit. Also jumps of a volume that are no buckling event, and fabric far beyond its law.
 """
 
 from __future__ import annotations
@@ -38,9 +38,9 @@ class Checks:
     """What is measured of a path; None where it is not known (shells keep no displacements through the thickness).
 
     ``largest_displacement`` over the length, and at integration points ``smallest_volume_ratio`` (det F) and
-    ``smallest_thickness`` (over that at rest), of all increments; ``residual`` of the force resultants over the applied load,
-    ``residual_floor`` (what rounding of stored frames alone amounts to) and ``viscous_share`` (damping and inertia over the
-    load), the largest of some frames; ``energy_created``: largest fall of the dissipated energy along the ramp over the
+    ``smallest_thickness`` (over that at rest), of all increments; the largest of some frames: ``residual`` of the force resultants
+    over the applied load, ``residual_floor`` (the part that rounding of stored frames explains), ``viscous_share`` (damping and
+    inertia over the load); ``energy_created``: largest fall of the dissipated energy along the ramp over the
     actuation work; ``largest_jump``: largest change of V_v or V_a from one increment to the next outside of buckling events,
     over V_v at rest; ``smallest_ventricle``: smallest V_v of the ramp over that at rest, not positive where front and back,
     between which there is no contact, pass through each other. ``error``: why frames could not be measured.

@@ -21,7 +21,7 @@ from limo.cases.plan import make_plan
 from limo.config import checks as config_checks
 from limo.config import project as config_project
 from limo.config.json_schemas import json_schemas
-from limo.config.load import ALL, load_config
+from limo.config.load import ALL, RULES, load_config
 from limo.config.targets import asked_studies
 from limo.config.yaml_file import read_yaml
 from limo.errors import ConfigError, LimoError
@@ -543,12 +543,27 @@ def test_strictness_tells_of_every_mistake_at_once(folder):
         assert sum(name in line for line in lines) == 1
 
 
-def test_studies_are_asked_for_by_their_names_their_files_and_rules():
-    results = Results(Path("results"))
-    groups = {"paper": ["a", "b"]}
-    assert asked_studies([], results, groups) == [ALL]
-    assert asked_studies(["paper", "c", "results/studies/d/figures/x.png"], results, groups) == ["a", "b", "c", "d"]
-    assert asked_studies(["results/cases/e/status.json"], results, groups) == ["results/cases/e/status.json"]
+def test_no_study_can_have_the_name_of_a_rule(root):
+    files = [root / "Snakefile", *(root / "workflow/rules").glob("*.smk")]
+    assert {rule for file in files for rule in re.findall(r"^rule (\w+):", file.read_text(), re.MULTILINE)} == set(RULES)
+
+
+@pytest.mark.parametrize(
+    ("words", "asked"),
+    [
+        ("", [ALL]),
+        ("-n --cores 2 --config file=config/config.yaml", [ALL]),
+        ("-n pie -- pressure_volume", ["pie", "pressure_volume"]),
+        ("paper pie", ["a", "b", "pie"]),
+        ("all results/studies/cake/figures/x.png", [ALL, "cake"]),
+        ("results/cases/x/status.json", []),
+        ("material --cores 2", []),
+        ("nobody", [ALL]),
+    ],
+)
+def test_studies_are_asked_for_by_their_names_their_files_and_rules(folder, words, asked):
+    add(folder, "pie", **BROKEN)
+    assert asked_studies(words.split(), folder / CONFIG, Results(Path("results")), {"paper": ["a", "b"]}) == asked
 
 
 # --------------------------------------------------------------------------------------------------------------------

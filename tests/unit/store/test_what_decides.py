@@ -139,8 +139,7 @@ def test_every_rule_with_a_script_has_its_digest_as_a_parameter(root):
     for file in (root / "workflow/rules").glob("*.smk"):
         for name, body in re.findall(r"^rule (\w+):\n(.*?)(?=^\S|\Z)", file.read_text(), flags=re.MULTILINE | re.DOTALL):
             if script := re.search(r"scripts/(\w+)\.py", body):
-                found[name] = (
-                    f'"{script[1]}"' in body or "code=figure_code" in body or "code=lambda wildcards: solve_code" in body
-                )
+                ways = (f'code_digest("{script[1]}"', "code=figure_code", "code=lambda wildcards: solve_code")
+                found[name] = any(way in body for way in ways)
     assert len(found) > 15
     assert {name for name, has in found.items() if not has} == set(KEPT)

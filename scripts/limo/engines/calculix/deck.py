@@ -178,8 +178,8 @@ def pressure_label(model: Model, load: Pressure) -> str:
 def _stages(model: Model, numerics: Numerics, times: tuple[StageTime, ...], increments: int) -> list[str]:
     """All stages in one step, because a new *DYNAMIC step would throw the device away.
 
-    CalculiX starts each step with an acceleration from forces that are integrated fully even for C3D20R, whose
-    equilibrium knows the reduced rule only, and that leave damping out. In a thin layer the difference is enormous.
+    CalculiX starts each step with an acceleration from forces without damping, integrated fully even for C3D20R. The equilibrium
+    of that element knows the reduced rule only. In a thin layer the difference is enormous.
     """
     fit, _, ramp = times
     largest = numerics.largest_increment / model.loading.actuation_pressure_max * ramp.duration

@@ -1,8 +1,8 @@
 """CalculiX on a deck: run it under watch, judge how the run ended, and read its load path.
 
 CalculiX's exit code alone says little: it is 0 with a missing deck and with nonsense from a singular model, and a
-diverged run still writes one last frame. A run has converged when the exit code is 0, the log has no ``*ERROR``, and the
-last accepted increment (.sta) is at the end of the last step.
+diverged run still writes one last frame. A converged run has exit code 0 and no ``*ERROR`` in its log, and its last
+accepted increment (.sta) is at the end of the last step.
 """
 
 from __future__ import annotations
@@ -148,8 +148,8 @@ def _stage_at_the_end(outcome: Run, times: tuple[StageTime, ...]) -> str:
 def run(folder: Path, command: Path, solver: Solver, end_time: float) -> Run:
     """Run ``folder/deck.inp`` up to ``end_time`` (solver s) and judge the outcome; the log goes to ``folder/ccx.log``.
 
-    The solver runs in a process group of its own, which is ended when it exceeds ``time_limit``, makes no Newton
-    iteration for ``stall_limit``, crawls, or when this process is interrupted.
+    The solver runs in a process group of its own. The group is ended when it exceeds ``time_limit``, makes no Newton iteration
+    for ``stall_limit``, crawls, or when this process is interrupted.
     """
     log_path = folder / "ccx.log"
     threads = str(solver.threads)

@@ -8,8 +8,8 @@ on the deformed faces, T the constraints, and lambda g the prescribed displaceme
     K_nm = sum_g w (dN_n/dX_K) A_iKjL (dN_m/dX_L),   A_iKjL = lambda F_iK F_jL + mu (b_ij delta_KL + F_iL F_jK) + delta_ij S_KL
 
 with b = F F^T, plus that of the pressures. Follower pressure on a surface whose edges are held or meet others is
-conservative, so K is symmetric. What single edges leave over (half a thickness of the rotating valve edge) is symmetrised, and
-so is what remains inside with the 2 x 2 points that CalculiX gives the faces of C3D20R (with 3 x 3 points nothing does).
+conservative, so K is symmetric. What single edges leave over (half a thickness of the rotating valve edge) is symmetrised. The
+2 x 2 points that CalculiX gives the faces of C3D20R leave a rest inside, which is symmetrised too; 3 x 3 points leave none.
 Units: mm, N, MPa, tonne, s.
 """
 

@@ -4,13 +4,13 @@ At a frozen load the free displacements q follow
 
     (K + sigma M) dq = r(q)
 
-with the consistent tangent K (follower pressures included), the mass matrix M and a shift sigma that pseudo-transient
-continuation moves between strong (small steps downhill, through a snap) and negligible (Newton's method near equilibrium):
+with the consistent tangent K (follower pressures included), the mass matrix M and a shift sigma. Pseudo-transient continuation
+moves sigma: strong for small steps downhill, through a snap; negligible for Newton's method near equilibrium.
 
-- a factorisation with a negative pivot, a step beyond ``rejected_step`` and one that would crush elements even when cut short
-  multiply sigma and factorise again, so that every step goes downhill in energy and stays with bricks that can be;
-- a step is cut to ``largest_step``; after it sigma falls, the faster the smaller the step was, and only where it has fallen all
-  the way a state is accepted, so that none is unstable; where it has to rise again, it begins near where it ended last time;
+- Sigma is multiplied and the matrix factorised again after a negative pivot, a step beyond ``rejected_step``, and a step that
+  would crush elements even when cut short. So every step goes downhill in energy and stays with bricks that can be;
+- a step is cut to ``largest_step``. After it sigma falls, the faster the smaller the step was. Only where it has fallen all the
+  way a state is accepted, so that none is unstable. Where it has to rise again, it begins near where it ended last time;
 - a factor is used again as long as the residual falls tenfold without a new one, and a step that made it larger taken back.
 
 No damping is left in the answer: a snap of the device is a jump at its load. Steps of some millimetres matter: with steps of

@@ -1,8 +1,8 @@
 """Loops over bricks and their integration points, compiled on first use and kept beside this file.
 
 A St. Venant-Kirchhoff layer's displacement gradients, internal forces and consistent tangent, as in ``assembly`` beside it, whose
-equations and units hold. m elements, g integration points, n nodes; ``gradient`` (m, 3 g, 20) is dN_n / dX_K with rows (g, K),
-``volume`` (m, g) what a point stands for, ``lame`` (m, 2) are lambda and mu. Products of 20 x 3 g matrices are BLAS's.
+equations and units hold. m elements, g integration points, n nodes. ``gradient`` (m, 3 g, 20) is dN_n / dX_K with rows (g, K).
+``volume`` (m, g) is what a point stands for; ``lame`` (m, 2) are lambda and mu. Products of 20 x 3 g matrices are BLAS's.
 """
 
 from __future__ import annotations

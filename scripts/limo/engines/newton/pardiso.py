@@ -1,7 +1,7 @@
 """A thin binding to PARDISO in Intel's MKL (package ``mkl``): symmetric factors with one analysis and a count of pivots.
 
-SciPy's own direct solver neither keeps its analysis nor tells the inertia of a matrix, and both are what a Newton
-iteration on one pattern lives on. MKL's manual calls the parameters used here ``iparm``; they are numbered from one there.
+SciPy's own direct solver neither keeps its analysis nor tells the inertia of a matrix. A Newton iteration on one pattern needs
+both. MKL's manual calls the parameters used here ``iparm``; they are numbered from one there.
 """
 
 from __future__ import annotations

@@ -52,12 +52,13 @@ def add_performance(commands: arguments.Commands) -> None:
     compared = doing.add_parser("beside", help="compare imports, planning and help with another checkout; both are set up")
     compared.add_argument("other", type=Path, metavar="CHECKOUT", help="folder of the other checkout")
     compared.add_argument("--tests", action="store_true", help="time `make test` in both instead, once")
-    compared.add_argument("--entry", type=Path, default=Path("docs/data/entry.csv"), help="its table (default: %(default)s)")
     printed = doing.add_parser("report", help="print the report")
     for part in (recorded, printed):
         part.add_argument(
             "--table", type=Path, default=Path("docs/data/performance.csv"), help="the table (default: %(default)s)"
         )
+    for part in (compared, printed):
+        part.add_argument("--entry", type=Path, default=Path("docs/data/entry.csv"), help="its table (default: %(default)s)")
     for part in (timed, printed):
         part.add_argument(
             "--overhead", type=Path, default=Path("docs/data/overhead.csv"), help="its table (default: %(default)s)"
@@ -65,7 +66,7 @@ def add_performance(commands: arguments.Commands) -> None:
 
 
 def _performance(chosen: argparse.Namespace) -> None:
-    from limo.reports.entry import compare, compare_tests, entry_table, keep
+    from limo.reports.entry import compare, compare_tests, entry_table, keep, read_entry
     from limo.reports.overhead import read_overhead, record_overhead
     from limo.reports.performance import read_measurements, record_batch, report
 
@@ -78,7 +79,7 @@ def _performance(chosen: argparse.Namespace) -> None:
         keep(rows, chosen.entry)
         print(entry_table(rows))
     else:
-        print(report(read_measurements(chosen.table), read_overhead(chosen.overhead)), end="")
+        print(report(read_measurements(chosen.table), read_overhead(chosen.overhead), read_entry(chosen.entry)), end="")
 
 
 def add_paper_check(commands: arguments.Commands) -> None:
