@@ -173,6 +173,7 @@ def everything(tmp_path_factory: pytest.TempPathFactory) -> Project:
         outputs=["volumes", "contact", "stress", "strain", "fatigue", "fields"],
         frames=[0.0, 5.0, "max"],
         figures=["pressure_volume", "von_mises", "cycles", "strain_paths", "buckling"],
+        measured="config/measured/curves_synthetic.csv",
     )
     airbags = project.folder / "config" / "airbags"
     airbag = yaml.safe_load((airbags / "classical.yaml").read_text())

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
+from limo.bench.compare import with_comparison
 from limo.cases.case import Case
 from limo.cases.grid import StudyGrid, study_grid
 from limo.config.project import Project
@@ -47,6 +48,7 @@ def gather_study(project: Project, name: str, case_folder: Path, sources: Sequen
     if grid.study.measures:
         measured = gather_measures(project, name, case_folder, own_sources)
         dataset = dataset.merge(measured).assign_attrs(measured.attrs)
+    dataset = with_comparison(dataset, project, name)
     return on_axes(describe_axes(dataset), grid.study)
 
 

@@ -20,6 +20,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from limo.bench.compare import study_curves
 from limo.cases.cost import duration
 from limo.cases.plan import Plan, make_plan
 from limo.config.builds import with_found_builds
@@ -30,7 +31,6 @@ from limo.datasets.shapes import gather_shapes
 from limo.datasets.study import gather_study
 from limo.errors import LimoError
 from limo.figures import style, tensile_test
-from limo.figures.measured import read_measured
 from limo.reports.markdown import markdown_table
 from limo.schema.figures import SHAPES
 from limo.store.files import write_netcdf, write_whole
@@ -136,7 +136,8 @@ def draw(loaded: Project, studies: Iterable[str], gallery: Path, results: Path |
     for name in named or _kept(loaded, gallery):
         dataset, study = _read(gallery / "data" / f"{name}.nc"), loaded.studies[name]
         shapes = _shapes(loaded, name, gallery, results) if set(study.figures) & set(SHAPES) else None
-        measured = read_measured(Path(study.measured)) if study.measured else None
+        curves = study_curves(loaded, name)
+        measured = None if curves is None else curves.table
         for figure in study.figures:
             file = f"{name}_{figure}.png"
             surfaces = [shapes] if figure in SHAPES else []
