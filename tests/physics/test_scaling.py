@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+from dataclasses import replace
 
 import pytest
 
@@ -22,9 +23,9 @@ def small(loaded):
 
     def make(engine, **changes):
         wanted = Scaling(n_pouches=2, start=3000, factor=6, **changes)
-        loaded.config = loaded.config.model_copy(update={"scaling": wanted})
+        project = replace(loaded, config=loaded.config.model_copy(update={"scaling": wanted}))
         command = find_engine(engine).build(Solver(), "config/config.yaml").command
-        return measure_scaling(loaded, engine, EngineSettings(command=command))
+        return measure_scaling(project, engine, EngineSettings(command=command))
 
     return make
 

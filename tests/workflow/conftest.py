@@ -29,9 +29,10 @@ STUDY = {
 
 @dataclass
 class Project:
-    """A folder with a configuration of its own, in which the project's workflow runs."""
+    """A folder with a configuration of its own, in which the workflow runs; ``fresh``: each time from its imports on."""
 
     folder: Path
+    fresh: bool = False
 
     @property
     def config_file(self) -> Path:
@@ -50,7 +51,7 @@ class Project:
         """Run the workflow in the folder; another checkout's always in a fresh process, as its modules are others."""
         words = ["--snakefile", ROOT / "Snakefile", "--directory", self.folder, *(["--cores", cores] if cores else [])]
         words += [*arguments, "--config", f"file={self.config_file}", *config.split()]
-        return run_snakemake(*words, folder=self.folder, fresh=fresh or "--snakefile" in arguments)
+        return run_snakemake(*words, folder=self.folder, fresh=fresh or self.fresh or "--snakefile" in arguments)
 
     def planned(self, *arguments: str) -> dict[str, int]:
         """Jobs of a dry run by rule."""

@@ -142,7 +142,7 @@ def test_quantities_that_were_measured_colour_the_device(page):
     flat = picture(page)
     assert changed(flat, seen[1]) > 0.02
     page.get_by_label("epicardium").uncheck()
-    assert changed(flat, picture(page)) > 0.01, "the endocardium below it"
+    assert changed(flat, picture(page)) > 0.005, "the endocardium below it, of the two pouches"
     page.get_by_label("epicardium").check()
     page.get_by_label("deformed").check()
 

@@ -28,7 +28,7 @@ def plan_table(config_file: str, names: Sequence[str], results: Path, cores: int
     Raises ``ConfigError`` for a mistake in what is named or a study that it does not have, and ``LimoError`` with all mistakes if
     none is named.
     """
-    loaded = open_project(config_file, names, "limo check pressure_volume", strict=not names)
+    loaded = open_project(config_file, names, "limo check pressure_volume", strict=not names, all_engines=False)
     plan = make_plan(loaded, results)
     costs = plan_costs(plan)
     lines = [f"{config_file}: valid; {', '.join(f'{engine} {build}' for engine, build in sorted(loaded.builds.items()))}"]
