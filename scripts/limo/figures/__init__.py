@@ -20,7 +20,7 @@ FIGURES = (
     "design",
 )
 #: figures that measured curves of a study are laid over (``limo.bench.curves``)
-MEASURED = ("pressure_volume", "afterload", "design")
+MEASURED = ("pressure_volume", "afterload", "buckling", "design")
 #: figures of an airbag, drawn from its dataset (``limo.airbag_solution.gather``)
 AIRBAG_FIGURES = ("airbag_convergence", "airbag_shapes")
 #: figures of the errors of the device's settings, drawn from ``docs/gallery/data/accuracy.nc`` (``limo.device_errors``)
