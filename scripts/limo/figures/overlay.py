@@ -29,8 +29,8 @@ def _number(label: str, measured: pd.DataFrame) -> int:
     return list(dict.fromkeys(measured.label)).index(label)
 
 
-def curves(axis, measured: pd.DataFrame, name: str, colors: Mapping[int, str]) -> list[Line2D]:
-    """Draw a measured quantity over P_a; returns what a legend needs, nothing where it was not measured.
+def curves(axis, measured: pd.DataFrame, name: str, colors: Mapping[int, str], size: float = 2.6) -> list[Line2D]:
+    """Draw a measured quantity over P_a, with markers of a ``size``; returns what a legend needs, nothing where there is none.
 
     Loading is hollow with a thin line, unloading filled with a dashed one; the loop between both is shaded, cycles after the
     first are paler.
@@ -46,7 +46,7 @@ def curves(axis, measured: pd.DataFrame, name: str, colors: Mapping[int, str]) -
             pressure, values = branch.actuation_pressure.to_numpy(float), branch[name].to_numpy(float)
             axis.plot(pressure, values, "-" if up else "--", lw=0.6, color=color, alpha=0.7 * alpha)
             every, face = max(1, len(pressure) // _POINTS), "white" if up else color
-            axis.plot(pressure[::every], values[::every], marker, ms=2.6, mew=0.6, mfc=face, color=color, alpha=alpha)
+            axis.plot(pressure[::every], values[::every], marker, ms=size, mew=size / 4, mfc=face, color=color, alpha=alpha)
         _shade(axis, known[known.cycle == known.cycle.min()], name, color)
         handles.append(Line2D([], [], ls="-", lw=0.6, marker=marker, ms=4, mfc="white", color=color, label=f"measured, {label}"))
         falls |= bool((known.direction == UNLOADING).any())

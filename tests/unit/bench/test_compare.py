@@ -18,7 +18,8 @@ from limo.config.load import load_config
 from limo.datasets.export import tidy
 from limo.datasets.study import gather_study
 from limo.errors import ConfigError
-from limo.figures import afterload, pressure_volume, style
+from limo.figures import afterload, buckling, pressure_volume, style
+from limo.figures.renderer import renderer_lacks
 from limo.measure.efficiency import efficiency_at_stroke
 from limo.schema.bench import MeasuredCurves
 from limo.store.files import write_json, write_netcdf
@@ -255,3 +256,17 @@ def test_figures_show_measured_curves_loops_and_efficiencies(project):
     assert not [line for line in figure.axes[0].get_lines() if line.get_marker() not in ("None", None)]
     for made in (bare, drawn, figure):
         style.close(made)
+
+
+@pytest.mark.skipif(bool(renderer_lacks()), reason="no surfaces can be rendered")
+def test_the_jump_has_the_strokes_that_were_measured_at_its_own_n_p(root):
+    dataset, shapes = (xr.load_dataset(root / f"docs/gallery/data/buckling{part}.nc") for part in ("", "_shapes"))
+    measured = MeasuredCurves(data=str(FIXTURES / "curves_loop.csv"), n_pouches=6, ventricular_pressure=3.8)
+    table = read_curves(measured).table
+    drawn = []
+    for one in (table, table.assign(n_pouches=8.0)):
+        figure = buckling.draw(dataset, one, shapes)
+        whole = next(axis for axis in figure.axes if axis.child_axes).child_axes[0]
+        drawn.append(sum(len(line.get_xdata()) for line in whole.get_lines() if line.get_marker() in ("o", "v")))
+        style.close(figure)
+    assert drawn == [18, 0]
