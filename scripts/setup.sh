@@ -150,12 +150,12 @@ install_gmsh_libraries() {
 
 # --- What renders surfaces without a display --------------------------------------------------------------------------
 
-renders() { "$VENV/bin/python" -c 'import sys; from limo.figures import renderer_lacks; sys.exit(bool(renderer_lacks()))' 2>>"$LOG"; }
+renders() { "$VENV/bin/python" -c 'import sys; from limo.figures.renderer import renderer_lacks; sys.exit(bool(renderer_lacks()))' 2>>"$LOG"; }
 
 install_renderer() {
     local packages
     renders && return
-    packages=$("$VENV/bin/python" -c 'from limo.figures import RENDERER_PACKAGES; print(RENDERER_PACKAGES)')
+    packages=$("$VENV/bin/python" -c 'from limo.figures.renderer import RENDERER_PACKAGES; print(RENDERER_PACKAGES)')
     say "installing what renders surfaces"
     # shellcheck disable=SC2086
     system_install $packages || true
