@@ -23,11 +23,21 @@ def edge_segments(mesh: DeviceMesh, marked: np.ndarray) -> np.ndarray:
 
 
 def distance_to(points: np.ndarray, segments: np.ndarray) -> np.ndarray:
-    """Smallest distance (...,) in mm of points (..., 2) to segments (s, 2, 2); infinite when there are none."""
-    if not len(segments):
-        return np.full(points.shape[:-1], np.inf)
-    tree = shapely.STRtree(shapely.linestrings(segments))
-    _, nearest = tree.query_nearest(shapely.points(points.reshape(-1, 2)), all_matches=False, return_distance=True)
+    """Smallest distance (...,) in mm of points (..., 2) to segments (s, 2, 2); infinite when there are none.
+
+    A tree finds the segments that are nearest but for rounding. The distance to each of them is |d - t e| with d from its start
+    to the point, e along it, and t = d . e / e . e cut to 0 to 1.
+    """
+    flat = points.reshape(-1, 2)
+    nearest = np.full(len(flat), np.inf)
+    if len(segments):
+        tree, places = shapely.STRtree(shapely.linestrings(segments)), shapely.points(flat)
+        _, about = tree.query_nearest(places, all_matches=False, return_distance=True)
+        point, segment = tree.query(places, predicate="dwithin", distance=about * (1 + 1e-9) + 1e-9)
+        start, along = segments[segment, 0], segments[segment, 1] - segments[segment, 0]
+        away = flat[point] - start
+        foot = np.clip((away * along).sum(axis=1) / np.maximum((along**2).sum(axis=1), 1e-30), 0.0, 1.0)
+        np.minimum.at(nearest, point, np.linalg.norm(away - foot[:, None] * along, axis=1))
     return nearest.reshape(points.shape[:-1])
 
 
