@@ -8,6 +8,7 @@ import xarray as xr
 
 from limo.accuracy.sizes import COLUMNS as SIZES
 from limo.accuracy.sizes import MEASURED
+from limo.store.statuses import CONVERGED
 
 # --------------------------------------------------------------------------------------------------------------------
 # what figures and the report make of it
@@ -29,18 +30,18 @@ def settings_of(rows: pd.DataFrame) -> pd.DataFrame:
     Runs that converged from the flat state as it is and solve the same problem (another fabric is another problem).
     """
     same = ~rows.varied.str.contains("fabric")
-    return rows[(rows.kind == "run") & (rows.status == "converged") & (rows.branch == 0) & (rows.part != "scatter") & same]
+    return rows[(rows.kind == "run") & (rows.status == CONVERGED) & (rows.branch == 0) & (rows.part != "scatter") & same]
 
 
 def pareto(cost: np.ndarray, error: np.ndarray) -> np.ndarray:
     """Indices of the points that no other beats in both cost and error, cheapest first; NaN are left out."""
     cost, error = np.asarray(cost, float), np.asarray(error, float)
-    best, found = np.inf, []
+    best, front = np.inf, []
     for k in np.lexsort((error, cost)):
         if np.isfinite(cost[k]) and error[k] < best:
             best = error[k]
-            found.append(k)
-    return np.array(found, int)
+            front.append(k)
+    return np.array(front, int)
 
 
 def exponent(size: np.ndarray, cost: np.ndarray) -> tuple[float, float]:
@@ -61,8 +62,8 @@ def richardson(size: np.ndarray, value: np.ndarray, order: float) -> float:
 
 def scatter_row(rows: pd.DataFrame, part: str) -> pd.Series | None:
     """What paths alone make of one device's errors on the finest mesh (``reference``) or the default one (first ``scatter``)."""
-    found = rows[(rows.kind == "scatter") & (rows.part == part)]
-    return found.iloc[0] if len(found) else None
+    scatter = rows[(rows.kind == "scatter") & (rows.part == part)]
+    return scatter.iloc[0] if len(scatter) else None
 
 
 def sizes_of(dataset: xr.Dataset) -> pd.DataFrame:
@@ -75,8 +76,8 @@ def sizes_of(dataset: xr.Dataset) -> pd.DataFrame:
 def scaling_of(rows: pd.DataFrame) -> pd.DataFrame:
     """Converged runs that differ in mesh level and symmetry alone, with ``seconds_per_iteration``."""
     plain = rows.varied.isin(["", "level", "symmetry", "level, symmetry"])
-    found = rows[(rows.kind == "run") & (rows.status == "converged") & plain]
-    return found.assign(seconds_per_iteration=found.cpu_seconds / found.iterations)
+    runs = rows[(rows.kind == "run") & (rows.status == CONVERGED) & plain]
+    return runs.assign(seconds_per_iteration=runs.cpu_seconds / runs.iterations)
 
 
 def models_of(runs: pd.DataFrame, sizes: pd.DataFrame) -> pd.DataFrame:

@@ -65,12 +65,12 @@ class Surface:
         images = points * np.array(mirrors(self.symmetry))[:, None]
         low, high = self.points.min(axis=0), self.points.max(axis=0)
         beyond = np.linalg.norm(np.maximum(0.0, np.maximum(low - images, images - high)), axis=-1)
-        found = np.full(len(points), np.inf)
+        nearest = np.full(len(points), np.inf)
         for turn in np.argsort(beyond, axis=0, kind="stable"):  # the image nearest to the part first: searches from afar are slow
             image = turn, np.arange(len(points))
-            near = beyond[image] < found
-            found[near] = np.minimum(found[near], self._distance(images[image][near]))
-        return found
+            near = beyond[image] < nearest
+            nearest[near] = np.minimum(nearest[near], self._distance(images[image][near]))
+        return nearest
 
 
 def surface_of(case: Case, mesh_file: Path, folder: Path) -> Surface:

@@ -21,13 +21,13 @@ def multiplied(numerics: Numerics, level: MeshLevel, rung: Rung, failed_stage: s
     data = numerics.model_dump(mode="json") | {MESH: level.model_dump(mode="json")}
     for key, factor in rung.multiply.items():
         *sections, last = key.replace(FAILED_STAGE, failed_stage).split(".")
-        at: Any = data
+        section_data: Any = data
         for section in sections:
-            at = at.get(section) if isinstance(at, dict) else None
-        value = at.get(last) if isinstance(at, dict) else None
+            section_data = section_data.get(section) if isinstance(section_data, dict) else None
+        value = section_data.get(last) if isinstance(section_data, dict) else None
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise ValueError(f"{key} is no number of a numerics preset or a mesh level")
-        at[last] = max(round(value * factor), 1) if isinstance(value, int) else value * factor
+        section_data[last] = max(round(value * factor), 1) if isinstance(value, int) else value * factor
     try:
         level = MeshLevel.model_validate(data.pop(MESH))
         return Numerics.model_validate(data), level

@@ -30,13 +30,13 @@ def study_attributes(project: Project, name: str) -> dict[str, str]:
 
 
 def _versions() -> dict[str, str]:
-    found = {"limo": __version__, "python": platform.python_version()}
+    versions = {"limo": __version__, "python": platform.python_version()}
     for package in ("gmsh", "meshio", "netCDF4", "numpy", "scipy", "snakemake", "xarray"):
         try:
-            found[package] = version(package)
+            versions[package] = version(package)
         except PackageNotFoundError:
-            found[package] = "absent"
-    return found
+            versions[package] = "absent"
+    return versions
 
 
 def git_commit() -> str:

@@ -114,8 +114,8 @@ class AirbagNumerics(Section):
 
     def for_engine(self, engine: str) -> dict[str, Any]:
         """Plain data of the part that ``engine`` looks at."""
-        own = {"newton": self.newton.model_dump(mode="json"), "calculix": self.model_dump(mode="json", exclude={"newton"})}
-        return own[engine]
+        parts = {"newton": self.newton.model_dump(mode="json"), "calculix": self.model_dump(mode="json", exclude={"newton"})}
+        return parts[engine]
 
 
 class Airbag(Elastic):
