@@ -1,5 +1,5 @@
 # Entry points of the project; `make help` lists them.
-# Variables: CORES (cores of a sweep), PYTHON (the Python that .venv is made with).
+# Variables: CORES (cores of a sweep, and workers of the tests), PYTHON (the Python that .venv is made with).
 
 SHELL := bash
 .DEFAULT_GOAL := help
@@ -32,7 +32,7 @@ sweep: setup ## solve the pressure-volume study, print its table and draw its fi
 
 test: setup lint ## lint, then run every test
 	@bash scripts/browser.sh
-	@$(BIN)/pytest
+	@OMP_NUM_THREADS=1 $(BIN)/pytest --numprocesses $(CORES) --dist loadgroup --no-loadscope-reorder
 
 lint: setup ## check style of Python and Snakemake files
 	@$(BIN)/ruff check .

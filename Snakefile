@@ -62,6 +62,11 @@ try:
     PROJECT = load_config(CONFIG_FILE, ASKED, strict="accuracy" in WORDS)
     NEEDED = engines_of(PROJECT, ASKED)
     PROJECT, CCX = with_found_builds(PROJECT, CONFIG_FILE, needed=NEEDED)
+    asked = [*ASKED, *(PROJECT.config.studies if "all" in ASKED else [])]
+    if compared := [name for name in asked if name in PROJECT.studies and PROJECT.studies[name].measured]:
+        from limo.bench.check import check_curves
+
+        check_curves(PROJECT, compared)
 except LimoError as error:
     raise WorkflowError(str(error)) from None
 

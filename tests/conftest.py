@@ -1,8 +1,12 @@
-"""Fixtures shared by all tests: the shipped configuration, coarse meshes, cases, and writers of solver files."""
+"""Fixtures shared by all tests: the shipped configuration, coarse meshes, cases, and writers of solver files.
+
+With two workers (``make test``) what is dear and can be kept is made by one of them, see ``tests/helpers/shared.py``.
+"""
 
 from __future__ import annotations
 
 import contextlib
+import os
 import struct
 from collections.abc import Callable
 from functools import cache
@@ -16,15 +20,38 @@ import pytest
 from limo.cases.case import Case
 from limo.config.load import load_config
 from limo.config.project import Project
-from limo.geometry.pattern import flat_pattern
+from limo.geometry.pattern import FlatPattern, flat_pattern
 from limo.mesh.device import STRATEGIES
 from limo.mesh.elements import gauss, quad8_shape
-from limo.mesh.flat import mesh_pattern, smallest_jacobian
+from limo.mesh.flat import FlatMesh, mesh_pattern, smallest_jacobian
 from limo.mesh.layers import DeviceMesh, layered
 from limo.schema.numerics import Mesh, MeshLevel
+from tests.helpers import shared
 
 ROOT = Path(__file__).resolve().parents[1]
 COARSE = MeshLevel(degrees_of_freedom=12000, grading=0.8)
+#: folders of tests, those with long ones first: the short ones fill the time of the worker that is done earlier
+FOLDERS = ("workflow", "physics", "unit")
+
+
+@pytest.hookimpl(tryfirst=True)  # xdist reads the marks
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """What several workers take as one: a file of quick tests, and what a module marks with ``xdist_group``; others are apart."""
+    for item in items:
+        if _folder(item) == "unit" and item.get_closest_marker("xdist_group") is None:
+            item.add_marker(pytest.mark.xdist_group(item.nodeid.split("::")[0]))
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        items.sort(key=lambda item: FOLDERS.index(_folder(item)))
+
+
+def _folder(item: pytest.Item) -> str:
+    return item.path.relative_to(ROOT / "tests").parts[0]
+
+
+@pytest.fixture(scope="session", autouse=True)
+def common_folder(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """Where the workers keep what they share."""
+    shared.FOLDER = shared.common_folder(tmp_path_factory.getbasetemp())
 
 
 @pytest.fixture(scope="session")
@@ -44,14 +71,18 @@ def loaded() -> Project:
 def coarse(loaded) -> Callable[..., SimpleNamespace]:
     """``coarse(device, n_pouches)``: its flat pattern and a coarse flat mesh without folds, made once."""
 
-    @cache
-    def make(device: str, n_pouches: int) -> SimpleNamespace:
-        pattern = flat_pattern(loaded.devices[device].pattern, n_pouches)
+    def without_folds(pattern: FlatPattern) -> FlatMesh:
         for size, strategy in product((9.0, 8.5, 8.0, 7.5, 7.0), STRATEGIES):
             flat = mesh_pattern(pattern, size, COARSE.grading, strategy)
             if smallest_jacobian(flat.nodes, flat.quads).min() > 0.2:
-                return SimpleNamespace(pattern=pattern, flat=flat)
-        raise AssertionError(f"no coarse mesh of {device} with N_p = {n_pouches}")
+                return flat
+        raise AssertionError(f"no coarse mesh with N_p = {pattern.n_pouches}")
+
+    @cache
+    def make(device: str, n_pouches: int) -> SimpleNamespace:
+        pattern = flat_pattern(loaded.devices[device].pattern, n_pouches)
+        flat = shared.kept(f"coarse_{device}_{n_pouches}", lambda: without_folds(pattern))
+        return SimpleNamespace(pattern=pattern, flat=flat)
 
     return make
 

@@ -23,6 +23,7 @@ def logged(log_file: str) -> Iterator[logging.Logger]:
     logging.basicConfig(
         filename=log_file, filemode="w", level=logging.INFO, format="%(asctime)s %(levelname)s %(name)s: %(message)s", force=True
     )
+    logging.getLogger("fontTools").setLevel(logging.WARNING)  # hundreds of lines for every PDF
     log = logging.getLogger("limo")
     try:
         yield log

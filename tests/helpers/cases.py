@@ -14,7 +14,9 @@ from limo.mesh.device import mesh_to_target
 from limo.mesh.layers import DeviceMesh, layered
 from limo.schema.numerics import Mesh, MeshLevel
 from limo.schema.study import Study
+from limo.store.digest import digest
 from limo.store.files import write_json
+from tests.helpers.shared import kept
 
 
 def study(**changes):
@@ -84,7 +86,9 @@ def with_(case: Case, **changes) -> Case:
 
 
 def small_mesh(case: Case, degrees_of_freedom: int, symmetry: str) -> DeviceMesh:
-    """A very coarse mesh of the case's device."""
+    """A very coarse mesh of the case's device; gmsh makes it once for all tests."""
     level = MeshLevel(degrees_of_freedom=degrees_of_freedom)
     pattern = flat_pattern(case.device.pattern, case.n_pouches)
-    return layered(mesh_to_target(pattern, level.degrees_of_freedom, level.grading), pattern, symmetry)
+    name = digest([case.device.pattern.model_dump(mode="json"), case.n_pouches, level.model_dump(mode="json")])
+    flat = kept(f"flat_{name}", lambda: mesh_to_target(pattern, level.degrees_of_freedom, level.grading))
+    return layered(flat, pattern, symmetry)

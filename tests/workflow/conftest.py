@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shutil
 import subprocess
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,11 +15,13 @@ from limo.cases.plan import Plan, make_plan
 from limo.config.builds import with_found_builds
 from limo.config.load import load_config
 from limo.store.files import write_json
+from tests.helpers.shared import made_once
+from tests.helpers.snakemake import run_snakemake
 
 ROOT = Path(__file__).parents[2]
 STUDY = {
     "description": "two coarse devices up to a low pressure",
-    "axes": {"n_pouches": [4, 8], "ventricular_pressure": [3.8]},
+    "axes": {"n_pouches": [2, 4], "ventricular_pressure": [3.8]},
     "actuation_pressure_max": 10.0,
     "figures": ["pressure_volume"],
 }
@@ -28,9 +29,10 @@ STUDY = {
 
 @dataclass
 class Project:
-    """A folder with a configuration of its own, in which the project's workflow runs."""
+    """A folder with a configuration of its own, in which the workflow runs; ``fresh``: each time from its imports on."""
 
     folder: Path
+    fresh: bool = False
 
     @property
     def config_file(self) -> Path:
@@ -43,36 +45,19 @@ class Project:
         change(data)
         path.write_text(yaml.safe_dump(data))
 
-    def snakemake(self, *arguments: str, cores: int | None = 2, config: str = "") -> subprocess.CompletedProcess[str]:
-        """Run the workflow in the folder."""
-        command = [
-            sys.executable,
-            "-m",
-            "snakemake",
-            "--snakefile",
-            str(ROOT / "Snakefile"),
-            "--directory",
-            str(self.folder),
-            *(["--cores", str(cores)] if cores else []),
-            *arguments,
-            "--config",
-            f"file={self.config_file}",
-            *config.split(),
-        ]
-        return subprocess.run(command, cwd=self.folder, capture_output=True, text=True, timeout=1800, check=False)
+    def snakemake(
+        self, *arguments: str, cores: int | None = 2, config: str = "", fresh: bool = False
+    ) -> subprocess.CompletedProcess[str]:
+        """Run the workflow in the folder; another checkout's always in a fresh process, as its modules are others."""
+        words = ["--snakefile", ROOT / "Snakefile", "--directory", self.folder, *(["--cores", cores] if cores else [])]
+        words += [*arguments, "--config", f"file={self.config_file}", *config.split()]
+        return run_snakemake(*words, folder=self.folder, fresh=fresh or self.fresh or "--snakefile" in arguments)
 
     def planned(self, *arguments: str) -> dict[str, int]:
         """Jobs of a dry run by rule."""
         done = self.snakemake(*arguments, "-n", "--quiet", "rules")
         assert done.returncode == 0, done.stdout + done.stderr
-        jobs, inside = {}, False
-        for line in (done.stdout + done.stderr).splitlines():
-            words = line.split()
-            if words[:2] == ["job", "count"]:
-                jobs, inside = {}, True  # the table is printed at the start and at the end
-            elif inside and len(words) == 2 and words[1].isdigit():
-                jobs[words[0]] = int(words[1])
-        return jobs
+        return jobs(done)
 
     def study(self, name: str, like: str = "tiny", **changes) -> None:
         """Write a study like another one with some keys changed."""
@@ -106,6 +91,18 @@ class Project:
         assert done.returncode == 0, done.stdout + done.stderr
 
 
+def jobs(done: subprocess.CompletedProcess[str]) -> dict[str, int]:
+    """Jobs by rule of the table that Snakemake prints; none where there is nothing to do."""
+    found, inside = {}, False
+    for line in (done.stdout + done.stderr).splitlines():
+        words = line.split()
+        if words[:2] == ["job", "count"]:
+            found, inside = {}, True  # the table is printed at the start and at the end
+        elif inside and len(words) == 2 and words[1].isdigit():
+            found[words[0]] = int(words[1])
+    return found
+
+
 def make_project(folder: Path) -> Project:
     """The project's own configuration with one tiny study and a very coarse mesh level."""
     shutil.copytree(ROOT / "config", folder / "config")
@@ -118,7 +115,7 @@ def make_project(folder: Path) -> Project:
         config["studies"] = ["tiny"]
         config["mesh"]["level"] = "tiny"
         config["mesh_levels"]["tiny"] = {"degrees_of_freedom": 3000, "grading": 1.0}
-        config["scaling"] = {"start": 3000, "minutes": 1e-3}  # one size
+        config["scaling"] = {"n_pouches": 2, "start": 3000, "minutes": 1e-3}  # one size
 
     project.edit("config.yaml", coarser)
     return project
@@ -130,59 +127,70 @@ def project(tmp_path: Path) -> Project:
     return make_project(tmp_path)
 
 
+def run(project: Project, *targets: str, cores: int = 2) -> None:
+    """Run targets of a project to their end."""
+    done = project.snakemake(*targets, cores=cores)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def copied(folder: Path, to: Path) -> Project:
+    """A copy of a project with its results, which Snakemake takes for what they are."""
+    shutil.copytree(folder, to, symlinks=True)
+    return Project(to)
+
+
 @pytest.fixture
 def pretended(pretended_once: Project, tmp_path: Path) -> Project:
     """A copy of a project with all results of three studies: fast and paper numerics up to 10 kPa, and stress up to 12."""
-    project = Project(tmp_path / "copy")
-    shutil.copytree(pretended_once.folder, project.folder)
-    return project
+    return copied(pretended_once.folder, tmp_path / "copy")
 
 
 @pytest.fixture(scope="session")
-def pretended_once(tmp_path_factory: pytest.TempPathFactory) -> Project:
-    project = make_project(tmp_path_factory.mktemp("pretended"))
-    project.study("literal", numerics="paper")
-    axes = {"n_pouches": [6], "ventricular_pressure": [3.8]}
-    project.study("stress", axes=axes, actuation_pressure_max=12.0, outputs=["volumes", "stress"])
-    project.edit("config.yaml", lambda d: d.update(studies=["tiny", "literal", "stress"]))
-    project.pretend("tiny", "literal", "stress")
-    assert project.planned() == {}
-    return project
+def pretended_once() -> Project:
+    def make(folder: Path) -> None:
+        project = make_project(folder)
+        project.study("literal", numerics="paper")
+        axes = {"n_pouches": [6], "ventricular_pressure": [3.8]}
+        project.study("stress", axes=axes, actuation_pressure_max=12.0, outputs=["volumes", "stress"])
+        project.edit("config.yaml", lambda d: d.update(studies=["tiny", "literal", "stress"]))
+        project.pretend("tiny", "literal", "stress")
+        assert project.planned() == {}
+
+    return Project(made_once("pretended", make))
 
 
 @pytest.fixture(scope="session")
 def solved(tmp_path_factory: pytest.TempPathFactory) -> Project:
-    """The tiny study, solved by CalculiX."""
-    project = make_project(tmp_path_factory.mktemp("solved"))
-    done = project.snakemake()
-    assert done.returncode == 0, done.stdout + done.stderr
-    return project
+    """The tiny study, solved by CalculiX; each worker has a copy of its own."""
+    return copied(made_once("solved", lambda folder: run(make_project(folder))), tmp_path_factory.mktemp("solved") / "copy")
 
 
 @pytest.fixture(scope="session")
 def everything(tmp_path_factory: pytest.TempPathFactory) -> Project:
     """Every kind of result that there is, from one tiny device by the engine newton, one square airbag and a tensile test."""
-    project = make_project(tmp_path_factory.mktemp("everything"))
-    project.study(
-        "tiny",
-        axes={"n_pouches": [4], "ventricular_pressure": [3.8], "width_scale": [0.9]},
-        engine="newton",
-        variants={"plain": {}},
-        branches=2,
-        cross_check=1,
-        outputs=["volumes", "contact", "stress", "strain", "fatigue", "fields"],
-        frames=[0.0, 5.0, "max"],
-        figures=["pressure_volume", "von_mises", "cycles", "strain_paths", "buckling"],
-    )
-    airbags = project.folder / "config" / "airbags"
-    airbag = yaml.safe_load((airbags / "classical.yaml").read_text())
-    shutil.rmtree(airbags)
-    airbags.mkdir()
-    series = [{"element": "C3D20R", "engine": "newton", "divisions": [4], "path": [100, 10]}]
-    (airbags / "classical.yaml").write_text(yaml.safe_dump(airbag | {"series": series}))
-    plan = project.plan()
-    files = [f"results/studies/tiny/{file}" for file in ("study.nc", "study.csv", "shapes.nc")]
-    files += [f"results/cases/{case_id}/fields" for case_id in plan.of_study("tiny")]
-    done = project.snakemake(*files, "material", "results/airbags/classical/airbag.nc")
-    assert done.returncode == 0, done.stdout + done.stderr
-    return project
+
+    def make(folder: Path) -> None:
+        project = make_project(folder)
+        project.study(
+            "tiny",
+            axes={"n_pouches": [4], "ventricular_pressure": [3.8], "width_scale": [0.9]},
+            engine="newton",
+            variants={"plain": {}},
+            branches=2,
+            cross_check=1,
+            outputs=["volumes", "contact", "stress", "strain", "fatigue", "fields"],
+            frames=[0.0, 4.3, "max"],
+            figures=["pressure_volume", "von_mises", "cycles", "strain_paths", "buckling"],
+            measured="config/measured/curves_synthetic.csv",
+        )
+        airbags = project.folder / "config" / "airbags"
+        airbag = yaml.safe_load((airbags / "classical.yaml").read_text())
+        shutil.rmtree(airbags)
+        airbags.mkdir()
+        series = [{"element": "C3D20R", "engine": "newton", "divisions": [4], "path": [100, 10]}]
+        (airbags / "classical.yaml").write_text(yaml.safe_dump(airbag | {"series": series}))
+        files = [f"results/studies/tiny/{file}" for file in ("study.nc", "study.csv", "shapes.nc", "figures/pressure_volume.png")]
+        files += [f"results/cases/{case_id}/fields" for case_id in project.plan().of_study("tiny")]
+        run(project, *files, "material", "results/airbags/classical/airbag.nc")
+
+    return copied(made_once("everything", make), tmp_path_factory.mktemp("everything") / "copy")

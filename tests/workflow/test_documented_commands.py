@@ -17,6 +17,7 @@ from pathlib import Path
 import pytest
 
 from limo.terminal.cli import main, make_parser
+from tests.helpers.snakemake import run_snakemake
 
 from .conftest import ROOT
 
@@ -36,7 +37,7 @@ def in_bin(name: str) -> str:
     return shlex.quote(str(BIN / name))
 
 
-#: what is run instead of a command: shorter, without an end, or about cases that the tests have (N_p = 4 and 8 up to 10 kPa)
+#: what is run instead of a command: shorter, without an end, or about cases that the tests have (N_p = 2 and 4 up to 10 kPa)
 REPLACEMENTS = {
     "source .venv/bin/activate": f"source {in_bin('activate')}",
     ".venv/bin/pytest tests/unit": f"{in_bin('pytest')} --version",
@@ -44,10 +45,10 @@ REPLACEMENTS = {
     "limo check --draw": "limo check --draw svg",
     "limo check pressure_volume --draw svg --mesh": "limo check kinematics --draw svg --mesh",
     "limo status --watch": "limo status pressure_volume",
-    "limo show np6": "limo show np8",
-    "limo show np6 --picture": "limo show np8 --picture",
-    "limo show np6 pv3.8 --at 10 20 30 --picture": "limo show np8 pv3.8 --at 5 10 --picture",
-    "limo compare np4 np6": "limo compare np4 np8",
+    "limo show np6": "limo show np4",
+    "limo show np6 --picture": "limo show np4 --picture",
+    "limo show np6 pv3.8 --at 10 20 30 --picture": "limo show np4 pv3.8 --at 5 10 --picture",
+    "limo compare np4 np6": "limo compare np2 np4",
     "limo table results/studies/thick/study.nc": "limo table results/studies/pressure_volume/study.nc",
 }
 #: what stands for something that a reader puts there
@@ -122,10 +123,9 @@ def run(reader, monkeypatch, capfd):
 def planned(folder: Path, *words: str) -> None:
     """A dry run of Snakemake; what only makes sense in a locked folder is run as it is."""
     options = [] if "--unlock" in words else ["--dry-run", "--quiet", "all"]
-    command = [sys.executable, "-m", "snakemake", *words, "--snakefile", ROOT / "Snakefile", "--directory", folder, *options]
     if not {"--cores", "--dry-run", "-n"} & {*options, *words}:
-        command += ["--cores", "1"]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+        options = ["--cores", "1"]
+    done = run_snakemake(*words, "--snakefile", ROOT / "Snakefile", "--directory", folder, *options, folder=folder)
     assert done.returncode == 0, f"snakemake {' '.join(words)}: {done.stdout[-2000:]}{done.stderr[-2000:]}"
 
 

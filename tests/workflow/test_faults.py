@@ -10,7 +10,6 @@ import csv
 import os
 import random
 import shlex
-import shutil
 import signal
 import subprocess
 import sys
@@ -23,8 +22,9 @@ import pytest
 from limo.engines.calculix import build as ccx_build
 from limo.schema.solver import Solver
 from limo.store.files import read_json
+from tests.helpers.shared import made_once
 
-from .conftest import ROOT, make_project
+from .conftest import ROOT, copied, make_project, run
 
 PATIENCE = 900.0  # s; machines are shared
 ROUNDS = int(os.environ.get("LIMO_ROUNDS", "1"))
@@ -38,7 +38,7 @@ def tiny(tmp_path):
 
     def make(engine="newton", cases=1):
         project = make_project(tmp_path / "project")
-        axes = {"n_pouches": [2, 8][:cases], "ventricular_pressure": [3.8]}
+        axes = {"n_pouches": [2, 4][:cases], "ventricular_pressure": [3.8]}
         project.edit(
             "studies/tiny.yaml", lambda d: d.update(axes=axes, actuation_pressure_max=5.0, figures=[], frames=[0, "max"])
         )
@@ -133,8 +133,7 @@ def whole(project) -> None:
 
 def finishes(project, before: dict[str, str] | None = None) -> None:
     """Started again the sweep ends well, and what had converged before was left alone."""
-    done = project.snakemake(cores=1)
-    assert done.returncode == 0, done.stdout + done.stderr
+    run(project, cores=1)
     now = solved(project)
     assert len(now) == len(project.plan().cases)
     assert {name: now[name] for name in before or {}} == (before or {}), "solved a second time"
@@ -315,24 +314,20 @@ def test_a_solver_that_hangs(tiny, record):
 # files, clocks, company
 
 
-@pytest.fixture(scope="module")
-def solved_once(tmp_path_factory):
-    project = make_project(tmp_path_factory.mktemp("solved_once"))
-    axes = {"n_pouches": [2, 8], "ventricular_pressure": [3.8]}
-    project.edit("studies/tiny.yaml", lambda d: d.update(axes=axes, actuation_pressure_max=5.0, figures=[], frames=[0, "max"]))
-    project.edit("config.yaml", lambda d: d.update(engine="newton") or d.pop("stress_test"))
-    done = project.snakemake(cores=1)
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert len(solved(project)) == 2
-    return project
-
-
 @pytest.fixture
-def finished(solved_once, tmp_path):
+def finished(tmp_path):
     """A copy of a project with two solved cases."""
-    folder = tmp_path / "copy"
-    shutil.copytree(solved_once.folder, folder)
-    return type(solved_once)(folder)
+
+    def make(folder):
+        project = make_project(folder)
+        axes = {"n_pouches": [2], "ventricular_pressure": [3.8, 4.8]}
+        changes = {"axes": axes, "actuation_pressure_max": 5.0, "figures": [], "frames": [0, "max"]}
+        project.edit("studies/tiny.yaml", lambda d: d.update(changes))
+        project.edit("config.yaml", lambda d: d.update(engine="newton") or d.pop("stress_test"))
+        run(project, cores=1)
+        assert len(solved(project)) == 2
+
+    return copied(made_once("two_cases", make), tmp_path / "copy")
 
 
 def truncate(file: Path) -> None:

@@ -30,7 +30,7 @@ def results(solved, tmp_path_factory) -> Path:
     project = Project(tmp_path_factory.mktemp("page") / "copy")
     shutil.copytree(solved.folder, project.folder, symlinks=True)
     project.study("measured", outputs=["volumes", "stress", "strain", "fatigue"], description=NASTY)
-    failed = next(project.folder.glob("results/cases/*np8*/status.json"))
+    failed = next(project.folder.glob("results/cases/*np4*/status.json"))
     write_json(failed, read_json(failed) | {"status": "diverged", "reason": NASTY})
     done = project.snakemake("tiny", "measured", "--forcerun", "gather_study")
     assert done.returncode == 0, done.stdout + done.stderr
@@ -142,7 +142,7 @@ def test_quantities_that_were_measured_colour_the_device(page):
     flat = picture(page)
     assert changed(flat, seen[1]) > 0.02
     page.get_by_label("epicardium").uncheck()
-    assert changed(flat, picture(page)) > 0.01, "the endocardium below it"
+    assert changed(flat, picture(page)) > 0.005, "the endocardium below it, of the two pouches"
     page.get_by_label("epicardium").check()
     page.get_by_label("deformed").check()
 

@@ -14,7 +14,7 @@ from limo.errors import LimoError
 from limo.reports.overhead import time_of_nothing, time_of_planning
 from limo.terminal.cli import main
 
-from .conftest import ROOT, Project
+from .conftest import ROOT, Project, copied
 
 
 @pytest.mark.parametrize(
@@ -177,8 +177,7 @@ def test_doing_nothing_is_measured_only_where_nothing_is_to_be_done(pretended, p
 
 
 def test_a_dataset_from_a_further_case_stops_where_its_study_does(solved, tmp_path):
-    project = Project(tmp_path / "copy")
-    shutil.copytree(solved.folder, project.folder, symlinks=True)
+    project = copied(solved.folder, tmp_path / "copy")
     project.study("short", actuation_pressure_max=7.3)
     done = project.snakemake("short")
     assert done.returncode == 0, done.stdout + done.stderr

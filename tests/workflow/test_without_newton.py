@@ -52,6 +52,7 @@ def bare(project: Project, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> P
     (tmp_path / "hiding/sitecustomize.py").write_text(HIDING)
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path / "hiding"), str(ROOT / "scripts")]))
     monkeypatch.setenv("LIMO_LOADED", str(tmp_path / "loaded.txt"))
+    project.fresh = True  # what has its imports already would find them
     return project
 
 

@@ -1,6 +1,7 @@
 rule gather_study:
     input:
         study_results,
+        measured=measured_file,
     output:
         RESULTS.study("{study}").dataset,
     log:
@@ -11,6 +12,7 @@ rule gather_study:
         content=study_content,
         sources=study_sources,
         code=code_digest("gather_study"),
+        measured=measured_content,
     message:
         "Gather {wildcards.study}"
     script:

@@ -109,6 +109,19 @@ def study_content(wildcards):
     return digest(content)
 
 
+def measured_file(wildcards):
+    """The measured curves of a study, nothing where it has none."""
+    measured = PROJECT.studies[wildcards.study].measured_curves
+    return measured.data if measured else []
+
+
+def measured_content(wildcards):
+    """Digest of what is said of the measured curves of a study, and of the code that reads them."""
+    measured = PROJECT.studies[wildcards.study].measured_curves
+    code = code_digest("limo.bench.compare:study_curves")
+    return digest([measured.model_dump(mode="json"), code]) if measured else ""
+
+
 def study_sources(wildcards):
     """Ids of the cases that serve a study, in the order of its grid, and of those it is compared with."""
     return PLAN.sources(wildcards.study)

@@ -2,7 +2,7 @@ rule draw_figure:
     input:
         dataset=RESULTS.study("{study}").dataset,
         shapes=lambda wildcards: RESULTS.study(wildcards.study).shapes if wildcards.figure in SHAPES else [],
-        measured=lambda wildcards: PROJECT.studies[wildcards.study].measured or [],
+        measured=measured_file,
     output:
         report(
             RESULTS.study("{study}").figure("{figure}", "png"),
@@ -19,6 +19,7 @@ rule draw_figure:
     params:
         caption=caption,
         code=figure_code,
+        measured=measured_content,
     message:
         "Draw {wildcards.figure} of {wildcards.study}"
     script:

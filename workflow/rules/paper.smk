@@ -1,8 +1,9 @@
 rule fit_material:
     input:
-        data=PROJECT.config.tensile_test.data,
+        data=PROJECT.config.tensile_test.files,
     output:
         dataset=RESULTS.material("nc"),
+        table=RESULTS.material("csv"),
         png=report(RESULTS.material("png"), caption="../report/tensile_test.rst", category="material"),
         pdf=RESULTS.material("pdf"),
     log:

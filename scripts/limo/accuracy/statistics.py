@@ -62,8 +62,8 @@ def richardson(size: np.ndarray, value: np.ndarray, order: float) -> float:
 
 def scatter_row(rows: pd.DataFrame, part: str) -> pd.Series | None:
     """What paths alone make of one device's errors on the finest mesh (``reference``) or the default one (first ``scatter``)."""
-    scatter = rows[(rows.kind == "scatter") & (rows.part == part)]
-    return scatter.iloc[0] if len(scatter) else None
+    scattered = rows[(rows.kind == "scatter") & (rows.part == part)]
+    return scattered.iloc[0] if len(scattered) else None
 
 
 def sizes_of(dataset: xr.Dataset) -> pd.DataFrame:
@@ -76,8 +76,8 @@ def sizes_of(dataset: xr.Dataset) -> pd.DataFrame:
 def scaling_of(rows: pd.DataFrame) -> pd.DataFrame:
     """Converged runs that differ in mesh level and symmetry alone, with ``seconds_per_iteration``."""
     plain = rows.varied.isin(["", "level", "symmetry", "level, symmetry"])
-    runs = rows[(rows.kind == "run") & (rows.status == CONVERGED) & plain]
-    return runs.assign(seconds_per_iteration=runs.cpu_seconds / runs.iterations)
+    timed = rows[(rows.kind == "run") & (rows.status == CONVERGED) & plain]
+    return timed.assign(seconds_per_iteration=timed.cpu_seconds / timed.iterations)
 
 
 def models_of(runs: pd.DataFrame, sizes: pd.DataFrame) -> pd.DataFrame:

@@ -65,12 +65,12 @@ class Surface:
         images = points * np.array(mirrors(self.symmetry))[:, None]
         low, high = self.points.min(axis=0), self.points.max(axis=0)
         beyond = np.linalg.norm(np.maximum(0.0, np.maximum(low - images, images - high)), axis=-1)
-        nearest = np.full(len(points), np.inf)
+        distances = np.full(len(points), np.inf)
         for turn in np.argsort(beyond, axis=0, kind="stable"):  # the image nearest to the part first: searches from afar are slow
             image = turn, np.arange(len(points))
-            near = beyond[image] < nearest
-            nearest[near] = np.minimum(nearest[near], self._distance(images[image][near]))
-        return nearest
+            near = beyond[image] < distances
+            distances[near] = np.minimum(distances[near], self._distance(images[image][near]))
+        return distances
 
 
 def surface_of(case: Case, mesh_file: Path, folder: Path) -> Surface:

@@ -26,17 +26,25 @@ def with_found_builds(
     return project.with_builds({**project.builds, **{name: build.id for name, build in builds.items()}}), command
 
 
-def open_project(config_file: str, studies: Iterable[str] = (), example: str = "limo check", *, strict: bool = False) -> Project:
+def open_project(
+    config_file: str,
+    studies: Iterable[str] = (),
+    example: str = "limo check",
+    *,
+    strict: bool = False,
+    all_engines: bool | None = None,
+) -> Project:
     """The project of a configuration with the builds of its engines; warns of files that are left out.
 
     ``studies`` are asked for (none: those that the configuration runs); ``example`` is a command that works. ``strict``: no file
-    may have a mistake. Raises what ``load_config``, ``Project.require`` and ``with_found_builds`` raise.
+    may have a mistake. ``all_engines`` (default: if strict): no engine may be lacking, also of other studies. Raises what
+    ``load_config``, ``Project.require`` and ``with_found_builds`` raise.
     """
     names = list(studies)
     project = load_config(config_file, names or [ALL], strict=strict)
     project.require(names, config_file, example)
     warn_of_broken(project)
-    needed = project.engines if strict else engines_of(project, names or [ALL])
+    needed = project.engines if (strict if all_engines is None else all_engines) else engines_of(project, names or [ALL])
     return with_found_builds(project, config_file, needed=needed)[0]
 
 

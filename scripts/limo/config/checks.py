@@ -21,7 +21,7 @@ from limo.schema.accuracy import Airbag
 from limo.schema.config import PRESET_KEYS, Config
 from limo.schema.device import Device, Material
 from limo.schema.element import element as find_element
-from limo.schema.figures import FIGURES, NEEDS
+from limo.schema.figures import FIGURES, MEASURED, NEEDS
 from limo.schema.numerics import Numerics
 from limo.schema.section import ENGINES, ElementName
 from limo.schema.solver import Rung
@@ -196,8 +196,19 @@ def check_figures(path: Path, study: Study) -> None:
         if (needed := NEEDS.get(figure, "volumes")) not in ("volumes", *study.outputs):
             expected = f"{needed} among them, which the figure {figure} shows"
             raise ConfigError(path, "outputs", study.outputs, expected, f"outputs: [volumes, {needed}]")
-    if study.measured and not Path(study.measured).is_file():
-        raise ConfigError(path, "measured", study.measured, "a readable CSV file", "measured: config/measured/arfaee2025.csv")
+    check_measured(path, study)
+
+
+def check_measured(path: Path, study: Study) -> None:
+    """Measured curves of a study must be there, and one of its figures at least must show them."""
+    if study.measured is None:
+        return
+    file = study.measured_curves.data
+    if not Path(file).is_file():
+        raise ConfigError(path, "measured", file, "a readable CSV file", "measured: config/measured/arfaee2025.csv")
+    if study.figures and not set(study.figures) & set(MEASURED):
+        expected = f"one of {', '.join(MEASURED)} among them: the others have no axes for the measured curves of the study"
+        raise ConfigError(path, "figures", study.figures, expected, f"figures: [{MEASURED[0]}]")
 
 
 def check_pressures(path: Path, study: Study, pressure: float) -> None:

@@ -157,6 +157,7 @@ class Project:
         sections["settings"] = {
             name: {
                 "device": setting.device.model_dump(mode="json"),
+                **({"modulus_origin": origin} if (origin := setting.device.material.modulus_origin) else {}),
                 "mesh": setting.mesh.model_dump(mode="json"),
                 "mesh_level": self.config.mesh_levels[setting.mesh.level].model_dump(mode="json"),
                 "numerics": setting.numerics.model_dump(mode="json"),

@@ -150,7 +150,7 @@ class _Shapes:
         """What is stored of meshes, and of cases over a grid of a ``shape``."""
         count, frames = len(self.meshes), len(self.entries)
         numbers = [(k,) for k in range(count)]
-        stored = {}
+        variables = {}
         for name, variable in VARIABLES.items():
             if variable.of_mesh:
                 dims, array = ("mesh",), _stack(name, numbers, [*self.meshes.values()], (count,), variable.dims)
@@ -158,8 +158,8 @@ class _Shapes:
                 dims, array = CASE_DIMS, _stack(name, [*self.values], [*self.values.values()], shape, variable.dims, frames)
             else:
                 continue
-            stored[name] = ((*dims, *variable.dims), array, attributes(variable.long_name, variable.units))
-        return stored
+            variables[name] = ((*dims, *variable.dims), array, attributes(variable.long_name, variable.units))
+        return variables
 
 
 def write_shapes(dataset: xr.Dataset, path: Path) -> None:

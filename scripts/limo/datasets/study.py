@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
+from limo.bench.compare import with_comparison
 from limo.cases.case import Case
 from limo.cases.grid import StudyGrid, study_grid
 from limo.config.project import Project
@@ -27,26 +28,27 @@ def gather_study(project: Project, name: str, case_folder: Path, sources: Sequen
     """One dataset of a study from the results of its cases below ``case_folder``.
 
     ``sources``: ids of the cases that serve the study, in the order of its grid, and of those that it is compared with
-    (default: its serving cases). A case that failed leaves gaps and its status; one whose files cannot be read counts as
+    (default: its own cases). A case that failed leaves gaps and its status; one whose files cannot be read counts as
     ``missing``.
     """
     grid = study_grid(project, name)
     sources = sources or [case.case_id for case in (*grid.cases.values(), *grid.cross_checks.values())]
-    serving, others = list(sources[: len(grid.cases)]), list(sources[len(grid.cases) :])
+    own_sources, others = list(sources[: len(grid.cases)]), list(sources[len(grid.cases) :])
     pressures = _pressures(grid)
     arrays = GridArrays(grid.axes)
     for variable, definition in VARIABLES.items():
         _add(arrays, variable, definition, len(pressures))
     for text, long_name in TEXTS.items():
         arrays.add(text, "", long_name)
-    for member in members(grid.cases, arrays.axes, case_folder, serving):
+    for member in members(grid.cases, arrays.axes, case_folder, own_sources):
         _fill(arrays, member, pressures)
     dataset = arrays.dataset({"actuation_pressure": pressures}).assign_attrs(study_attributes(project, name))
     if grid.cross_checks:
         dataset = dataset.merge(_gather_checks(dataset, grid, others, case_folder))
     if grid.study.measures:
-        measured = gather_measures(project, name, case_folder, serving)
+        measured = gather_measures(project, name, case_folder, own_sources)
         dataset = dataset.merge(measured).assign_attrs(measured.attrs)
+    dataset = with_comparison(dataset, project, name)
     return on_axes(describe_axes(dataset), grid.study)
 
 

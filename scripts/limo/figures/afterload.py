@@ -7,7 +7,7 @@ import pandas as pd
 import xarray as xr
 from matplotlib.lines import Line2D
 
-from limo.figures import style
+from limo.figures import overlay, style
 
 #: colours of the ventricular pressures, from low to high
 COLORS = ("#E69F00", "#D55E00", "#7B3294", "#0072B2", "#009E73")
@@ -37,8 +37,11 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
             for other, axis in enumerate(lower[: len(pressures)]):
                 looks = {"color": color, "lw": width, "zorder": 2} if other == j else {"color": "0.85", "lw": 0.7, "zorder": 1}
                 style.curve(axis, case, "io_ratio", **looks)
+    laid_over = _measured(upper, lower, measured, pressures) if measured is not None else []
     _bars(upper[2], every)
-    xlim = (0, float(dataset.actuation_pressure.max()))
+    if measured is not None:
+        overlay.bars(upper[2], measured, dataset.n_pouches.values)
+    xlim = (0, overlay.reach(float(dataset.actuation_pressure.max()), measured))
     upper[0].set(xlabel="$P_a$ [kPa]", ylabel="Actuation volume $\\Delta V_a$ [ml]", xlim=xlim)
     upper[1].set(xlabel="$P_a$ [kPa]", ylabel="Stroke volume $\\Delta V_v$ [ml]", xlim=xlim)
     ratio = dataset.io_ratio.values[np.isfinite(dataset.io_ratio.values)]
@@ -52,8 +55,25 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
     lower[0].set_ylabel("Ratio $\\Delta V_v / \\Delta V_a$ [-]")
     handles = [Line2D([], [], color=COLORS[j % len(COLORS)], label=f"$P_v$ = {p:g} kPa") for j, p in enumerate(pressures)]
     handles += [Line2D([], [], color="0.4", lw=_width(k), label=f"$N_p$ = {n}") for k, n in enumerate(dataset.n_pouches.values)]
-    style.legend(figure, handles, style.gaps(every), min(len(handles), 7))
+    handles += laid_over
+    style.legend(figure, handles, style.gaps(every), min(len(handles), 5 if laid_over else 7))
     return figure
+
+
+def _measured(upper, lower, measured: pd.DataFrame, pressures: np.ndarray) -> list[Line2D]:
+    """Measured curves at each P_v, in its colour, and what a legend needs of them."""
+    handles = []
+    for j, p_v in enumerate(pressures):
+        own = overlay.shown_at(measured.dropna(subset="ventricular_pressure"), p_v)
+        if own.empty:
+            continue
+        color = COLORS[j % len(COLORS)]
+        colors = {int(n): color for n in own.n_pouches.dropna()}
+        for axis, name in ((upper[0], "actuation_volume_change"), (upper[1], "stroke_volume"), (lower[j], "io_ratio")):
+            overlay.curves(axis, own, name, colors)
+        text = f"measured, $P_v$ = {p_v:g} kPa"
+        handles.append(Line2D([], [], ls="-", lw=0.6, marker="o", ms=4, mfc="white", color=color, label=text))
+    return handles + ([overlay.bar_handle()] if measured.efficiency.notna().any() else [])
 
 
 def _width(k: int) -> float:

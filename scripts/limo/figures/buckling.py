@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from limo.figures import pictures, style
+from limo.figures import overlay, pictures, style
 from limo.figures.render import Scale, Scene
 from limo.measure.buckling import displacement_difference
 from limo.mesh.surface import facets
@@ -25,7 +25,7 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None, shapes: xr.Dataset)
     curves = [pictures.beside(figure, axis, 0.7, 2.5) for axis in axes[:, 0]]
     scale = Scale("viridis", 0.0, pictures.rounded_up(_largest(shapes)))
     for axis, row, case in zip(curves, axes, cases, strict=True):
-        _curve(axis, pictures.branches_of(dataset, case), case)
+        _curve(axis, pictures.branches_of(dataset, case), case, measured)
         images, reason = _both_sides(case, scale), pictures.empty_reason(dataset, case, "no jump in the stroke volume")
         for panel, image, title in zip(row, images, ("(b) front", "(c) back"), strict=True):
             pictures.show(panel, image, reason)
@@ -36,8 +36,11 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None, shapes: xr.Dataset)
     return figure
 
 
-def _curve(axis, branches: xr.Dataset, case: xr.Dataset) -> None:
-    """The stroke volume around the jump, whose ends are marked, and what branches reach; all of it, small, in the corner."""
+def _curve(axis, branches: xr.Dataset, case: xr.Dataset, measured: pd.DataFrame | None) -> None:
+    """The stroke volume around the jump, whose ends are marked, and what branches reach; all of it, small, in the corner.
+
+    Measured strokes are those at the case's own P_v and N_p, or of unknown ones.
+    """
     curves = style.first_branch(branches)
     pressure, stroke = curves.actuation_pressure.values, curves.stroke_volume.values
     if not np.isfinite(stroke).any():
@@ -48,6 +51,12 @@ def _curve(axis, branches: xr.Dataset, case: xr.Dataset) -> None:
     axis.set(xlabel="Actuation pressure $P_a$ [kPa]", ylabel="Stroke volume $\\Delta V_v$ [ml]")
     style.curve(axis, curves, "stroke_volume", style.COLORS[0])
     style.band(axis, branches, "stroke_volume", style.COLORS[0])
+    own = None
+    if measured is not None:
+        own = overlay.shown_at(measured, float(case.ventricular_pressure))
+        own = own[own.n_pouches.isna() | (own.n_pouches == float(case.n_pouches))]
+        if handles := overlay.curves(axis, own, "stroke_volume", {}):
+            axis.legend(handles=handles, loc="upper left", bbox_to_anchor=(0, 0.93), fontsize=6)
     if not np.isfinite(before):
         return
     ends = np.interp([before, after], pressure, stroke)
@@ -62,6 +71,8 @@ def _curve(axis, branches: xr.Dataset, case: xr.Dataset) -> None:
         axis.annotate(text, (x, y), xytext=(-6, 4), textcoords="offset points", ha="right", va="bottom", fontsize=7)
     inset = axis.inset_axes((0.62, 0.1, 0.36, 0.3))
     style.curve(inset, curves, "stroke_volume", style.COLORS[0], lw=0.9)
+    if own is not None:
+        overlay.curves(inset, own, "stroke_volume", {}, size=1.2)
     inset.axvspan(before - WINDOW, after + WINDOW, color=style.COLORS[1], alpha=0.25, lw=0)
     inset.tick_params(labelsize=5, length=2, pad=1)
     inset.grid(False)

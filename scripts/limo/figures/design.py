@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from limo.figures import pictures, style
+from limo.figures import overlay, pictures, style
 from limo.figures.von_mises import pictures_of, stress_scale
 
 
@@ -35,13 +35,18 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None, shapes: xr.Dataset)
         for axis, (variable, _) in zip(axes, panels, strict=False):
             style.curve(axis, curves, variable, color, label=name)
             style.band(axis, branches, variable, color)
+    handles, highest = axes[0].get_legend_handles_labels()[0], float(dataset.actuation_pressure.max())
+    if measured is not None:
+        measured = overlay.shown_at(measured, dataset.ventricular_pressure.values)
+        laid_over = [overlay.curves(axis, measured, name, {}) for axis, (name, _) in zip(axes, panels, strict=False)]
+        handles, highest = [*handles, *max(laid_over, key=len)], overlay.reach(highest, measured)
     for axis, (_, text) in zip(axes, panels, strict=False):
-        axis.set(xlabel="$P_a$ [kPa]", ylabel=text, xlim=(0, float(dataset.actuation_pressure.max())))
+        axis.set(xlabel="$P_a$ [kPa]", ylabel=text, xlim=(0, highest))
     ratio = dataset.io_ratio.values[np.isfinite(dataset.io_ratio.values)]
     axes[2].axhline(1.0, color="0.5", lw=0.8, ls="--", zorder=0)
     axes[2].set_ylim(0, max(2.0, 1.1 * np.quantile(ratio, 0.98)) if len(ratio) else 2.0)
     _bars(axes[3], xr.concat([c.efficiency_90ml for c in solutions], "case"), labels)
-    style.legend(above, axes[0].get_legend_handles_labels()[0], style.gaps(dataset), len(cases))
+    style.legend(above, handles, style.gaps(dataset), min(len(handles), max(len(cases), 5)))
     scale = stress_scale(shapes)
     pictures.pair_grid(dataset, shapes, lambda case: pictures_of(case, scale), below)
     below.text(0.005, 0.97, "(e)", fontsize=9)

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from limo.figures import style
+from limo.figures import overlay, style
 
 
 def curve_label(case: xr.Dataset, varying: list[str]) -> str:
@@ -26,7 +26,7 @@ def curve_label(case: xr.Dataset, varying: list[str]) -> str:
 
 
 def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
-    """Three panels over P_a: (a) Delta V_a, (b) stroke volume, (c) ratio, one curve a case, measured points on top."""
+    """Three panels over P_a: (a) Delta V_a, (b) stroke volume, (c) ratio, one curve a case, measured curves on top."""
     figure, axes = style.panels(3)
     every, dataset = dataset, style.first_branch(dataset)
     dims = [d for d in dataset.case_status.dims]
@@ -47,28 +47,26 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
             style.band(axis, spread.isel(case=k), name, color)
         if "check_stroke_volume" in case and np.isfinite(case.check_stroke_volume).any():
             axes[1].plot(pressure, case.check_stroke_volume, ":", color=color, lw=1.2)
+    laid_over = []
     if measured is not None:
-        ratio = measured.stroke_volume / measured.actuation_volume_change.where(measured.actuation_volume_change.abs() > 1.0)
-        measured = measured.assign(io_ratio=ratio)
-        for k, (label, table) in enumerate(measured.groupby("label", sort=False)):
-            for axis, name, _ in panels:
-                axis.plot(
-                    table.actuation_pressure,
-                    table[name],
-                    "o",
-                    ms=2.5,
-                    mfc="none",
-                    color=style.COLORS[k % len(style.COLORS)],
-                    label=f"measured, {label}",
-                )
+        measured = overlay.shown_at(measured, dataset.ventricular_pressure.values)
+        colors = {} if varying not in ([], ["n_pouches"]) else _colors(cases)
+        for axis, name, _ in panels:
+            handles = overlay.curves(axis, measured, name, colors)
+            laid_over = handles if len(handles) > len(laid_over) else laid_over
     for axis, _, ylabel in panels:
-        axis.set(xlabel="Actuation pressure $P_a$ [kPa]", ylabel=ylabel, xlim=(0, float(pressure.max())))
+        axis.set(xlabel="Actuation pressure $P_a$ [kPa]", ylabel=ylabel, xlim=(0, overlay.reach(float(pressure.max()), measured)))
     for value in np.unique(dataset.ventricular_pressure.values):
         axes[0].axvline(value, color="0.6", lw=0.8, ls=":")
         axes[1].axvline(value, color="0.6", lw=0.8, ls=":")
     axes[2].axhline(1.0, color="0.5", lw=0.8, ls="--")
     finite = dataset.io_ratio.values[np.isfinite(dataset.io_ratio.values)]
     axes[2].set_ylim(0, max(2.0, 1.1 * np.quantile(finite, 0.99)) if len(finite) else 2.0)
-    handles, labels = axes[1].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=min(4, len(labels)))
+    handles = [*axes[1].get_legend_handles_labels()[0], *laid_over]
+    figure.legend(handles=handles, loc="outside lower center", ncols=min(4, len(handles)))
     return figure
+
+
+def _colors(cases: xr.Dataset) -> dict[int, str]:
+    """The colour of each number of pouches."""
+    return {int(cases.isel(case=k).n_pouches): style.COLORS[k % len(style.COLORS)] for k in range(cases.sizes["case"])}

@@ -20,6 +20,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from limo.bench.compare import study_curves
 from limo.cases.cost import duration
 from limo.cases.plan import Plan, make_plan
 from limo.config.builds import with_found_builds
@@ -30,12 +31,11 @@ from limo.datasets.shapes import gather_shapes
 from limo.datasets.study import gather_study
 from limo.errors import LimoError
 from limo.figures import style, tensile_test
-from limo.figures.measured import read_measured
 from limo.reports.markdown import markdown_table
 from limo.schema.figures import SHAPES
 from limo.store.files import write_netcdf, write_whole
 from limo.store.results import Results
-from limo.store.statuses import USABLE
+from limo.store.statuses import CONVERGED, USABLE
 
 #: bytes that the data of all studies, those of sets included, may take together
 LARGEST_DATA = 5_000_000
@@ -136,7 +136,8 @@ def draw(loaded: Project, studies: Iterable[str], gallery: Path, results: Path |
     for name in named or _kept(loaded, gallery):
         dataset, study = _read(gallery / "data" / f"{name}.nc"), loaded.studies[name]
         shapes = _shapes(loaded, name, gallery, results) if set(study.figures) & set(SHAPES) else None
-        measured = read_measured(Path(study.measured)) if study.measured else None
+        curves = study_curves(loaded, name)
+        measured = None if curves is None else curves.table
         for figure in study.figures:
             file = f"{name}_{figure}.png"
             surfaces = [shapes] if figure in SHAPES else []
@@ -287,7 +288,7 @@ def _summary(name: str, dataset: xr.Dataset) -> dict[str, str]:
     return {
         "study": name,
         "cases": str(seconds.size),
-        "converged": str(int((dataset.case_status == "converged").sum())),
+        "converged": str(int((dataset.case_status == CONVERGED).sum())),
         "engine and build": f"{engines} ({', '.join(builds)})",
         "CPU of the solver": duration(float(np.nansum(seconds))),
         "longest case": duration(float(np.nanmax(seconds))) if np.isfinite(seconds).any() else "-",

@@ -21,7 +21,20 @@ PACKAGE = Path("scripts/limo")
 #: rooms, ground first: a room imports only from rooms before it
 ORDER = (
     *("errors", "door", "checkout", "schema", "store", "geometry", "mesh", "mechanics", "engines", "config", "cases"),
-    *("measure", "solve", "datasets", "airbag", "accuracy", "reliability", "figures", "drawings", "page", "reports", "terminal"),
+    *(
+        "measure",
+        "bench",
+        "solve",
+        "datasets",
+        "airbag",
+        "accuracy",
+        "reliability",
+        "figures",
+        "drawings",
+        "page",
+        "reports",
+        "terminal",
+    ),
 )
 
 

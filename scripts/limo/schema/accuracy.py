@@ -114,8 +114,8 @@ class AirbagNumerics(Section):
 
     def for_engine(self, engine: str) -> dict[str, Any]:
         """Plain data of the part that ``engine`` looks at."""
-        parts = {"newton": self.newton.model_dump(mode="json"), "calculix": self.model_dump(mode="json", exclude={"newton"})}
-        return parts[engine]
+        by_engine = {"newton": self.newton.model_dump(mode="json"), "calculix": self.model_dump(mode="json", exclude={"newton"})}
+        return by_engine[engine]
 
 
 class Airbag(Elastic):

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 from pydantic import ConfigDict, Field
 
 from limo.schema.accuracy import Scaling
-from limo.schema.device import TensileTest
+from limo.schema.bench import TensileTest
 from limo.schema.fatigue import Fatigue
 from limo.schema.numerics import Mesh, MeshLevel, Numerics
 from limo.schema.reliability import StressTest

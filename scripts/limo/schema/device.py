@@ -103,6 +103,14 @@ class Material(Elastic):
     """St. Venant-Kirchhoff fabric (paper, *Constitutive modeling*)."""
 
     areal_density: float = Field(gt=0, le=1e4, description="mass per area in g/m^2", examples=[170.0])
+    # says nothing that a result depends on: no name of a case is made of it
+    modulus_origin: str | None = Field(
+        None,
+        exclude=True,
+        min_length=3,
+        description="where youngs_modulus comes from; limo tensile --into writes both",
+        examples=["tensile test mine.csv, method found, +- 0.6 MPa"],
+    )
 
 
 class Pattern(Section):
@@ -162,17 +170,3 @@ class Device(Section):
 
     pattern: Pattern
     material: Material
-
-
-class TensileTest(Section):
-    """A tensile test of the fabric (paper, *Material model calibration*); devices state their moduli themselves."""
-
-    data: str = Field(
-        "config/measured/uniaxial_synthetic.csv",
-        description="CSV with the columns elongation (mm) and force (N), a path from the project's root",
-        examples=["config/measured/uniaxial_synthetic.csv"],
-    )
-    length: float = Field(200.0, gt=0, description="of the coupon in mm, l_0", examples=[200.0])
-    width: float = Field(50.0, gt=0, description="of the coupon in mm, w_0", examples=[50.0])
-    thickness: float = Field(0.19, gt=0, description="of the coupon in mm, t_0", examples=[0.19])
-    largest_strain: float = Field(0.1, gt=0, le=1, description="nominal strain below which points are fitted", examples=[0.1])

@@ -17,6 +17,10 @@ FIGURES = (
 )
 
 
+#: figures that measured curves of a study are laid over (``bench.curves``)
+MEASURED = ("pressure_volume", "afterload", "buckling", "design")
+
+
 #: figures of an airbag, drawn from its dataset (``limo.airbag.solve.gather``)
 AIRBAG_FIGURES = ("airbag_convergence", "airbag_shapes")
 

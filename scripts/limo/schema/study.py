@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal, get_args
 
 from pydantic import Field, field_validator, model_validator
 
+from limo.schema.bench import MeasuredCurves
 from limo.schema.figures import SHAPES
 from limo.schema.numerics import Mesh
 from limo.schema.pressures import DECIMALS
@@ -147,10 +148,14 @@ class Study(Section):
     figures: list[Annotated[str, Field(pattern=NAME)]] = Field(
         default=[], description="figures to draw", examples=[["pressure_volume"]]
     )
-    measured: str | None = Field(
+    measured: str | MeasuredCurves | None = Field(
         None,
-        description="CSV of measured curves to lay over the figure, a path from the project's root",
-        examples=["config/measured/arfaee2025.csv"],
+        description="file of measured curves to lay over figures and to compare with, a path from the project's root; or "
+        "with keys of what it does not say itself (docs/bench.md)",
+        examples=[
+            "config/measured/arfaee2025.csv",
+            {"data": "config/measured/mine.csv", "units": {"actuation_pressure": "mmHg"}},
+        ],
     )
     role: Role | None = Field(
         None,
@@ -208,6 +213,11 @@ class Study(Section):
             value = ventricular_pressure if base == "P_v" else maximum
             value += float(f"{sign or '+'}{offset or 0}")
         return round(value, DECIMALS) if 0 <= value <= maximum else None
+
+    @property
+    def measured_curves(self) -> MeasuredCurves | None:
+        """Its measured curves, however they are given."""
+        return MeasuredCurves(data=self.measured) if isinstance(self.measured, str) else self.measured
 
     @property
     def uses_frames(self) -> bool:

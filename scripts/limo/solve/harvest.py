@@ -61,7 +61,7 @@ def harvest(model: Model, path: LoadPath) -> tuple[xr.Dataset, xr.Dataset, str]:
 
 
 def _increments(model: Model, path: LoadPath) -> _Increments:
-    found = _Increments()
+    gathered = _Increments()
     try:
         for k in range(len(path.stage)):
             u = path.displacements(k)
@@ -71,13 +71,13 @@ def _increments(model: Model, path: LoadPath) -> _Increments:
                 extremes = energy_and_extremes_of(model, u)
                 problem = unbelievable(u, extremes[1], model.length)
             if problem:
-                found.problem = f"{problem} at P_a = {path.pressure[k]:g} kPa of the {STAGES[path.stage[k]]}"
+                gathered.problem = f"{problem} at P_a = {path.pressure[k]:g} kPa of the {STAGES[path.stage[k]]}"
                 break
-            found.volumes.append(_volumes(model, u))
-            found.states.append((*extremes, np.abs(u).max()))
+            gathered.volumes.append(_volumes(model, u))
+            gathered.states.append((*extremes, np.abs(u).max()))
     except ResultError as error:
-        found.problem, found.is_damaged = str(error), True
-    return found
+        gathered.problem, gathered.is_damaged = str(error), True
+    return gathered
 
 
 def _frames(model: Model, path: LoadPath, history: xr.Dataset) -> _Frames:
@@ -162,9 +162,9 @@ def _event_increments(history: xr.Dataset) -> dict[Event, tuple[int, int]]:
         return {}
     first = history.sizes["increment"] - ramp.sizes["increment"]
     pressure, volume = ramp.actuation_pressure.values, ramp.ventricle_volume.values
-    found = largest_events(events(pressure, volume[0] - volume))
-    places = [[first + int(np.argmin(np.abs(pressure - p))) for p in (e.before, e.after)] for e in found]
-    return {event: tuple(ends) for event, ends in zip(found, places, strict=True)}
+    jumps = largest_events(events(pressure, volume[0] - volume))
+    places = [[first + int(np.argmin(np.abs(pressure - p))) for p in (e.before, e.after)] for e in jumps]
+    return {event: tuple(ends) for event, ends in zip(jumps, places, strict=True)}
 
 
 def _volumes(model: Model, u: np.ndarray) -> tuple[float, ...]:

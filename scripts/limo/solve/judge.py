@@ -38,9 +38,9 @@ class Checks:
     """What is measured of a path; None where it is not known (shells keep no displacements through the thickness).
 
     ``largest_displacement`` over the length, and at integration points ``smallest_volume_ratio`` (det F) and
-    ``smallest_thickness`` (over that at rest), of all increments; the largest of some frames: ``residual`` of the force resultants
-    over the applied load, ``residual_floor`` (the part that rounding of stored frames explains), ``viscous_share`` (damping and
-    inertia over the load); ``energy_created``: largest fall of the dissipated energy along the ramp over the
+    ``smallest_thickness`` (over that at rest), of all increments. ``residual`` of the force resultants over the applied load,
+    ``residual_floor`` (the part that rounding of stored frames explains) and ``viscous_share`` (damping and inertia over the
+    load): the largest of some frames. ``energy_created``: largest fall of the dissipated energy along the ramp over the
     actuation work; ``largest_jump``: largest change of V_v or V_a from one increment to the next outside of buckling events,
     over V_v at rest; ``smallest_ventricle``: smallest V_v of the ramp over that at rest, not positive where front and back,
     between which there is no contact, pass through each other. ``error``: why frames could not be measured.
@@ -116,20 +116,20 @@ def energy_created(ramp: xr.Dataset, ventricular_pressure: float) -> float:
 def _equilibrium(model: Model, frames: xr.Dataset) -> dict:
     """The largest residual, its floor and viscous share of some of the kept frames."""
     chosen = np.unique(np.linspace(0, frames.sizes["frame"] - 1, FRAMES).round().astype(int))
-    found = []
+    measured = []
     for k in chosen:
         u, pressure = frames.displacement.values[k], float(frames.actuation_pressure[k])
         motion = frames.motion.values[k].astype(float)
         motion = motion if np.isfinite(motion).all() else None
         try:
-            at = residual(
+            forces = residual(
                 model, u.astype(float), pressure, motion, frames.attrs["damping"], f"frame at {pressure:g} kPa", u.dtype
             )
         except ResultError as error:
             return {"error": str(error)}
-        found.append((at.resultant - at.resultant_floor, at.resultant, at.resultant_floor, at.viscous))
-    _, largest, floor, _ = max(found)
-    viscous = [v for *_, v in found if np.isfinite(v)]
+        measured.append((forces.resultant - forces.resultant_floor, forces.resultant, forces.resultant_floor, forces.viscous))
+    _, largest, floor, _ = max(measured)
+    viscous = [v for *_, v in measured if np.isfinite(v)]
     return {"residual": largest, "residual_floor": floor, "viscous_share": max(viscous, default=None)}
 
 

@@ -207,7 +207,7 @@ class Results:
         return self.root / "stress_test" / "cases.csv"
 
     def material(self, kind: str) -> Path:
-        """The tensile test with its fit as ``nc``, or its figure as ``png`` or ``pdf``."""
+        """The tensile test with its fit as ``nc``, its specimens as ``csv``, or its figure as ``png`` or ``pdf``."""
         return self.root / "material" / f"tensile_test.{kind}"
 
     def log(self, rule: str, name: str) -> Path:

@@ -9,11 +9,13 @@ from pathlib import Path
 
 from limo.checkout import check_folder
 from limo.errors import LimoError
-from limo.terminal.commands import cases, devices, documents, shell, studies
+from limo.terminal.commands import bench, cases, devices, documents, shell, studies
 from limo.terminal.commands.arguments import DONE, EXIT_CODES, INTERRUPTED, MISTAKE, Commands
 
 #: what adds each command, in the order of the help
 COMMANDS = (
+    bench.add_tensile,
+    bench.add_measured,
     studies.add_check,
     studies.add_new_study,
     devices.add_pattern,

@@ -171,7 +171,7 @@ def run_sweep(sweep: Sweep, config_file: str, studies: Sequence[str], cores: int
     What Snakemake says goes to ``logs/sweep.log`` beside the results, and its end to standard error when it failed. It has a
     session of its own: Ctrl-C is handed on to it, and a terminal that is lost does not end it.
     """
-    log = sweep.results / LOG
+    log = sweep.results.root / LOG
     log.parent.mkdir(parents=True, exist_ok=True)
     command = [sys.executable, "-m", "snakemake", "--cores", str(cores), *studies, *options, "--config"]
     # Snakemake reads it as YAML, where " #" would end it, and takes away quotes at the ends

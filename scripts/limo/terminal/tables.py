@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from limo.bench.check import check_files
 from limo.cases.cost import duration, memory_mib, plan_costs, schedule
 from limo.cases.grid import study_cases
 from limo.cases.plan import make_plan
@@ -27,7 +28,7 @@ def plan_table(config_file: str, names: Sequence[str], results: Path, cores: int
     Raises ``ConfigError`` for a mistake in what is named or a study that it does not have, and ``LimoError`` with all mistakes if
     none is named.
     """
-    loaded = open_project(config_file, names, "limo check pressure_volume", strict=not names)
+    loaded = open_project(config_file, names, "limo check pressure_volume", strict=not names, all_engines=False)
     plan = make_plan(loaded, results)
     costs = plan_costs(plan)
     lines = [f"{config_file}: valid; {', '.join(f'{engine} {build}' for engine, build in sorted(loaded.builds.items()))}"]
@@ -56,7 +57,7 @@ def plan_table(config_file: str, names: Sequence[str], results: Path, cores: int
             f" in {duration(sum(costs[c] for c in left))} of CPU time, about {wall} on {cores} cores, {largest:.0f} MiB a case"
         )
     lines.append(total)
-    return "\n".join(lines)
+    return "\n".join([*lines, *check_files(loaded, names or loaded.studies)])
 
 
 def study_table(path: Path) -> str:

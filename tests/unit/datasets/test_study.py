@@ -8,6 +8,7 @@ import pytest
 import xarray as xr
 from matplotlib.collections import PolyCollection
 
+from limo.bench.curves import read_curves
 from limo.cases.grid import cross_checks, study_cases
 from limo.config.project import Project
 from limo.datasets.curves import curves
@@ -16,7 +17,7 @@ from limo.datasets.variables import COORDINATES, CURVE_DIMS, STATUSES, VARIABLES
 from limo.engines.calculix.deck import stage_times
 from limo.errors import ConfigError
 from limo.figures import afterload, pressure_volume, style
-from limo.figures.measured import read_measured
+from limo.schema.bench import MeasuredCurves
 from limo.schema.study import Study, Variant
 from limo.solve.harvest import _history
 from limo.store.files import write_json
@@ -273,7 +274,7 @@ def test_figure_is_the_same_bytes_twice(gathered, tmp_path, kind, with_measured)
     measured = None
     if with_measured:
         (tmp_path / "measured.csv").write_text(MEASURED)
-        measured = read_measured(tmp_path / "measured.csv")
+        measured = read_curves(MeasuredCurves(data=str(tmp_path / "measured.csv"))).table
     written = []
     for k in range(2):
         path = tmp_path / f"{k}.{kind}"
@@ -319,7 +320,7 @@ def test_curves_and_the_table_say_where_front_and_back_would_touch(gathered, tmp
 def test_measured_curves_keep_gaps_and_refuse_other_tables(tmp_path):
     path = tmp_path / "measured.csv"
     path.write_text(MEASURED)
-    table = read_measured(path)
+    table = read_curves(MeasuredCurves(data=str(path))).table
     np.testing.assert_array_equal(table.stroke_volume, [0.0, np.nan, 41.5])
     wrong = {"absent": None, "columns": "label,pressure\na,1\n", "text": MEASURED.replace("41.5", "many"), "empty": "",
              "bytes": b"\xff\xfe\x00"}  # fmt: skip
@@ -328,7 +329,7 @@ def test_measured_curves_keep_gaps_and_refuse_other_tables(tmp_path):
         if text is not None:
             other.write_bytes(text if isinstance(text, bytes) else text.encode())
         with pytest.raises(ConfigError, match=rf"{name}\.csv"):
-            read_measured(other)
+            read_curves(MeasuredCurves(data=str(other)))
 
 
 def test_branches_and_cross_checks_have_their_places(grid, tmp_path):

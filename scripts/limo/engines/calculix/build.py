@@ -25,12 +25,12 @@ def find_ccx(solver: Solver, config_file: str = "config/config.yaml") -> Path:
     Raises ``ConfigError`` for a command that is not an executable, ``SolverNotFoundError`` when there is none at all.
     """
     if solver.command:
-        found = shutil.which(solver.command)
-        if not found:
+        path = shutil.which(solver.command)
+        if not path:
             raise ConfigError(
                 config_file, "solver.command", solver.command, "the path of a CalculiX executable", "command: /usr/bin/ccx"
             )
-        return Path(found).absolute()
+        return Path(path).absolute()
     if solver.build != "stock" and tuned_build_runs():
         return TUNED.absolute()
     if solver.build == "tuned":
@@ -38,13 +38,13 @@ def find_ccx(solver: Solver, config_file: str = "config/config.yaml") -> Path:
             "There is no tuned CalculiX in .local/ccx-tuned for this machine: `make ccx-tuned` builds it and says what is "
             "missing; or use the stock one with solver: {build: stock} in config/config.yaml"
         )
-    found = shutil.which("ccx") or (str(LOCAL) if os.access(LOCAL, os.X_OK) else None)
-    if not found:
+    path = shutil.which("ccx") or (str(LOCAL) if os.access(LOCAL, os.X_OK) else None)
+    if not path:
         raise SolverNotFoundError(
             "CalculiX was not found: no ccx on PATH and none in .local/bin. "
             "`make setup` installs it; or name it in config/config.yaml, for example solver: {command: /usr/bin/ccx}"
         )
-    return Path(found).absolute()
+    return Path(path).absolute()
 
 
 def tuned_build_runs() -> bool:
@@ -67,8 +67,8 @@ def _tuned_facts(command: Path) -> dict[str, str]:
 
 
 def _version_text(command: Path) -> str:
-    said = subprocess.run([command, "-v"], capture_output=True, text=True, timeout=60, check=False)
-    return said.stdout + said.stderr
+    answer = subprocess.run([command, "-v"], capture_output=True, text=True, timeout=60, check=False)
+    return answer.stdout + answer.stderr
 
 
 def solver_build(command: Path) -> dict[str, str]:

@@ -40,13 +40,13 @@ def build(solver: Solver, config_file: str) -> Build:
 
 def builds() -> dict[str, Build]:
     """The tuned build of this machine and the stock one, as far as they are there."""
-    found = {}
+    builds = {}
     for name in ("tuned", "stock"):
         try:
-            found[name] = build(Solver(build=name), "")
+            builds[name] = build(Solver(build=name), "")
         except SolverNotFoundError:
             continue
-    return found
+    return builds
 
 
 def solve(model: Model, folder: Path, settings: EngineSettings, after: LoadPath | None = None) -> LoadPath:

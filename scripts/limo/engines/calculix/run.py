@@ -174,9 +174,9 @@ def run(folder: Path, command: Path, solver: Solver, end_time: float) -> Run:
             _kill(process)
             raise
     wall = time.monotonic() - started
-    increments, said = read_sta(folder / f"{JOB}.sta"), log_path.read_text(encoding="utf-8", errors="replace")
-    status, reason = judge(exit_code, said, increments, end_time, stopped)
-    outside = "" if stopped or status == "converged" else _outside(exit_code, said, folder)
+    increments, log_text = read_sta(folder / f"{JOB}.sta"), log_path.read_text(encoding="utf-8", errors="replace")
+    status, reason = judge(exit_code, log_text, increments, end_time, stopped)
+    outside = "" if stopped or status == "converged" else _outside(exit_code, log_text, folder)
     return Run(
         "crashed" if outside else status,
         outside or reason,

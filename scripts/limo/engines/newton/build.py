@@ -15,9 +15,9 @@ PACKAGES = ("mkl", "pymetis")
 
 def mkl_version() -> str:
     """Version of the installed package ``mkl``; raises ``SolverNotFoundError`` without one."""
-    if (found := _version("mkl")) is None:
+    if (installed := _version("mkl")) is None:
         raise SolverNotFoundError(_says(["mkl"]))
-    return found
+    return installed
 
 
 def _version(package: str) -> str | None:
