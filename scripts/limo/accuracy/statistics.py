@@ -8,6 +8,7 @@ import xarray as xr
 
 from limo.accuracy.sizes import COLUMNS as SIZES
 from limo.accuracy.sizes import MEASURED
+from limo.store.statuses import CONVERGED
 
 # --------------------------------------------------------------------------------------------------------------------
 # what figures and the report make of it
@@ -29,7 +30,7 @@ def settings_of(rows: pd.DataFrame) -> pd.DataFrame:
     Runs that converged from the flat state as it is and solve the same problem (another fabric is another problem).
     """
     same = ~rows.varied.str.contains("fabric")
-    return rows[(rows.kind == "run") & (rows.status == "converged") & (rows.branch == 0) & (rows.part != "scatter") & same]
+    return rows[(rows.kind == "run") & (rows.status == CONVERGED) & (rows.branch == 0) & (rows.part != "scatter") & same]
 
 
 def pareto(cost: np.ndarray, error: np.ndarray) -> np.ndarray:
@@ -75,7 +76,7 @@ def sizes_of(dataset: xr.Dataset) -> pd.DataFrame:
 def scaling_of(rows: pd.DataFrame) -> pd.DataFrame:
     """Converged runs that differ in mesh level and symmetry alone, with ``seconds_per_iteration``."""
     plain = rows.varied.isin(["", "level", "symmetry", "level, symmetry"])
-    timed = rows[(rows.kind == "run") & (rows.status == "converged") & plain]
+    timed = rows[(rows.kind == "run") & (rows.status == CONVERGED) & plain]
     return timed.assign(seconds_per_iteration=timed.cpu_seconds / timed.iterations)
 
 

@@ -102,8 +102,7 @@ def gather_errors(project: Project, results: Path, folder: Path, sources: Mappin
     """
     rows, runs = [], []
     for subject in subjects(project):
-        found = runs_of(project, subject, results, folder, sources)
-        for row, run in _rows(project, subject, found):
+        for row, run in _rows(project, subject, runs_of(project, subject, results, folder, sources)):
             rows.append(row)
             runs.append(run)
     if not rows:

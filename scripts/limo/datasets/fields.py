@@ -27,6 +27,7 @@ from limo.mechanics.constitutive import principal
 from limo.mechanics.layer import SIDES, inside_out, layer_state, nodal, surface_points
 from limo.mechanics.model import Model
 from limo.mesh.elements import QUAD8_MIRROR
+from limo.mesh.layers import DeviceMesh
 from limo.schema.fatigue import Fatigue
 
 VECTORS = ("displacement", "v1_")  # fields (names or beginnings) that change sign in a mirror
@@ -100,23 +101,35 @@ def frame_fields(
         values["von_mises"] = nodal(mesh, stress.max(axis=1))[0]
         values |= {f"von_mises_{side}": nodal(mesh, stress[:, k])[0] for k, side in enumerate(SIDES)}
     if "strain" in drawn:
-        gradient = inside_out(mesh, state.deformation)
-        for k, side in enumerate(SIDES):
-            largest, direction = principal(nodal(mesh, strain[:, k])[0])
-            values |= {f"E{i + 1}_{side}": largest[:, i] for i in range(3)}
-            values[f"v1_{side}"] = direction[:, 0]
-            pushed = np.einsum("pij,pj->pi", nodal(mesh, gradient[:, k])[0], direction[:, 0])
-            carried[f"v1_{side}"] = pushed / np.linalg.norm(pushed, axis=1, keepdims=True)
+        flat_strain, carried = _strain_fields(mesh, strain, inside_out(mesh, state.deformation))
+        values |= flat_strain
     if "fatigue" in drawn and amplitude is not None:
-        values["fatigue_amplitude"] = nodal(mesh, amplitude)[0]
-        cycles, flags = cycles_to_failure(values["fatigue_amplitude"], fatigue)
-        values |= {"log10_cycles": np.log10(cycles), "fatigue_flag": flags}
-        away = distances(mesh, mesh.nodes)
-        nearest = np.minimum(away["seam"], away["outer_edge"])[node]
-        values |= {"seam_distance": nearest, "near_seam": (nearest <= fatigue.seam_distance.value).astype(np.int8)}
+        values |= _fatigue_fields(mesh, amplitude, node, fatigue)
     cells = {n: getattr(mesh, n).astype(np.int8) for n in ("layer", "face", "pouch")}
     flat = mesh.nodes[node]
     return Fields(flat, quads, values, cells), Fields(flat + u, quads, values | carried, cells)
+
+
+def _strain_fields(mesh: DeviceMesh, strain: np.ndarray, gradient: np.ndarray) -> tuple[dict, dict]:
+    """Principal strains at points of each side with v_1 of the flat state, and v_1 carried along by F (``gradient``)."""
+    values, carried = {}, {}
+    for k, side in enumerate(SIDES):
+        largest, direction = principal(nodal(mesh, strain[:, k])[0])
+        values |= {f"E{i + 1}_{side}": largest[:, i] for i in range(3)}
+        values[f"v1_{side}"] = direction[:, 0]
+        pushed = np.einsum("pij,pj->pi", nodal(mesh, gradient[:, k])[0], direction[:, 0])
+        carried[f"v1_{side}"] = pushed / np.linalg.norm(pushed, axis=1, keepdims=True)
+    return values, carried
+
+
+def _fatigue_fields(mesh: DeviceMesh, amplitude: np.ndarray, node: np.ndarray, fatigue: Fatigue) -> dict[str, np.ndarray]:
+    """Strain amplitudes, cycles to failure and distances from seams (mm) at points, whose nodes of the mesh are ``node``."""
+    values = {"fatigue_amplitude": nodal(mesh, amplitude)[0]}
+    cycles, flags = cycles_to_failure(values["fatigue_amplitude"], fatigue)
+    away = distances(mesh, mesh.nodes)
+    nearest = np.minimum(away["seam"], away["outer_edge"])[node]
+    near = (nearest <= fatigue.seam_distance.value).astype(np.int8)
+    return values | {"log10_cycles": np.log10(cycles), "fatigue_flag": flags, "seam_distance": nearest, "near_seam": near}
 
 
 def write_vtu(fields: Fields, path: Path) -> None:

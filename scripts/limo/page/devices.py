@@ -30,6 +30,7 @@ from limo.page.packing import pack, pack_steps
 from limo.schema.fatigue import Fatigue
 from limo.store.files import read_json
 from limo.store.results import CaseFiles, Results
+from limo.store.statuses import MEASURED
 
 MOST_PRESSURES = 20  # of a case
 _FEWER = (MOST_PRESSURES, 15, 12, 10, 8, 6, 5, 4, 3, 2)  # what is tried until a page is small enough
@@ -229,7 +230,7 @@ def _measured(file: Path) -> xr.Dataset:
     """What is known of a case's fatigue, with what was asked for; empty where nothing was measured."""
     try:
         with xr.open_dataset(file) as measured:
-            if measured.attrs.get("status") == "measured":
+            if measured.attrs.get("status") == MEASURED:
                 return measured[[n for n in ("fatigue_amplitude",) if n in measured]].load()
     except (OSError, ValueError):
         pass

@@ -30,6 +30,7 @@ from limo.page.packing import pack_bytes
 from limo.schema.study import Study
 from limo.store.files import read_json, write_whole
 from limo.store.results import Results
+from limo.store.statuses import CONVERGED, MEASURED
 
 CAPTIONS = FOLDER.parents[2] / "workflow" / "report"
 _QUALITY = 85  # of pictures, in percent
@@ -168,7 +169,7 @@ def _label(case: xr.Dataset, dims: list[str]) -> str:
 def _remarks(case: xr.Dataset) -> list[str]:
     """Why a case failed, and what is less than it should be though it did not."""
     remarks = [str(case.case_reason.values)]
-    if "measure_status" in case and str(case.measure_status.values) != "measured":
+    if "measure_status" in case and str(case.measure_status.values) != MEASURED:
         remarks.append(f"not measured: {case.measure_reason.values}")
     if "check_status" in case and (check := str(case.check_status.values)) and not check.endswith(" converged"):
         remarks.append(f"the other engine: {check}")
@@ -183,7 +184,7 @@ def _problems(parts: list[StudyPart], devices: Devices) -> list[tuple[str, CaseR
             reasons = list(case.remarks)
             if case.case_id in devices.reasons:
                 reasons.append(f"not in the 3D view: {devices.reasons[case.case_id]}")
-            if reasons or case.status != "converged":
+            if reasons or case.status != CONVERGED:
                 rows.append((part.name, case, reasons))
     return rows
 

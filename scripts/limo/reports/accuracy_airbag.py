@@ -14,6 +14,7 @@ from limo.errors import ResultError
 from limo.reports.markdown import markdown_table, number, read_rows, signed_percent
 from limo.schema.accuracy import Airbag
 from limo.store.files import write_whole
+from limo.store.statuses import CONVERGED
 
 #: columns that name a run of an airbag
 AIRBAG_KEYS = ["airbag", "series", "element", "engine", "planes", "path", "divisions"]
@@ -76,7 +77,7 @@ def observed_order(divisions: np.ndarray, values: np.ndarray, limit: float) -> f
 def finest_limit(rows: pd.DataFrame, planes: str) -> float:
     """Height (mm) of the bricks of engine newton on the finest mesh with these planes; of several paths the highest."""
     selected = (rows.element == TRUSTED[0]) & (rows.engine == TRUSTED[1]) & (rows.planes == planes)
-    best = rows[selected & (rows.status == "converged")]
+    best = rows[selected & (rows.status == CONVERGED)]
     return float(best[best.divisions == best.divisions.max()].height.max()) if len(best) else float("nan")
 
 
@@ -154,7 +155,7 @@ def _off_published(rows: pd.DataFrame, airbag: Airbag) -> pd.DataFrame:
     """The converged runs of the elements that are asked to meet published values; relative errors in columns ``off_*``."""
     edge = published_draw_in(airbag)
     published = {"height": published_height(airbag), "edge_draw_in": edge, "edge_draw_in_smooth": edge}
-    good = rows[(rows.status == "converged") & rows.element.isin([*ASKED, *EXPANDED.values()])]
+    good = rows[(rows.status == CONVERGED) & rows.element.isin([*ASKED, *EXPANDED.values()])]
     return good.assign(**{f"off_{key}": good[key] / value - 1 for key, value in published.items()})
 
 
@@ -173,7 +174,7 @@ def _within_both(off: pd.DataFrame, airbag: Airbag) -> str:
 
 def _by_the_other_engine(rows: pd.DataFrame) -> list[str]:
     """How far CalculiX's shells are from the bricks it makes of them, written out and solved by newton along the same path."""
-    good, sentences = rows[rows.status == "converged"], []
+    good, sentences = rows[rows.status == CONVERGED], []
     for shell, brick in EXPANDED.items():
         shells = good[good.element == shell]
         bricks = good[(good.element == brick) & (good.engine == TRUSTED[1]) & (good.planes == "hinged")]
@@ -194,7 +195,7 @@ def _locking(rows: pd.DataFrame) -> str:
     sentences = []
     for element in LOCKING:
         selected = rows[rows.element == element]
-        good = selected[selected.status == "converged"].sort_values("divisions")
+        good = selected[selected.status == CONVERGED].sort_values("divisions")
         if selected.empty:
             continue
         if good.empty:
@@ -228,7 +229,7 @@ def _convergence(rows: pd.DataFrame) -> pd.DataFrame:
     """One line a series: its finest mesh against the limit of bricks on equal planes, and the observed order."""
     table = []
     for series, group in rows.groupby("series", sort=False):
-        good = group[group.status == "converged"].sort_values("divisions")
+        good = group[group.status == CONVERGED].sort_values("divisions")
         limit = finest_limit(rows, group.planes.iloc[0])
         finest = good.iloc[-1] if len(good) else pd.Series({"divisions": "-", "height": np.nan})
         table.append(
@@ -248,7 +249,7 @@ def _convergence(rows: pd.DataFrame) -> pd.DataFrame:
 
 def _runs(rows: pd.DataFrame, height: float) -> pd.DataFrame:
     """One line a run; ``height`` (mm) is what others published."""
-    fastest = rows.cpu_seconds[rows.status == "converged"].min()
+    fastest = rows.cpu_seconds[rows.status == CONVERGED].min()
     columns = {
         "series": rows.series,
         "n": rows.divisions,

@@ -23,7 +23,7 @@ from limo.accuracy.statistics import (
 )
 from limo.reports.markdown import markdown_table, number, percent, signed_percent
 from limo.schema.config import Preset
-from limo.store.statuses import USABLE
+from limo.store.statuses import CONVERGED, USABLE
 
 NOT_MEASURED = "not measured"
 #: the mesh of which the paper says so
@@ -275,7 +275,7 @@ def _shells(dataset: xr.Dataset, rows: pd.DataFrame) -> list[str]:
             off = " and ".join(error_text(row, "error_stroke", rows) for row in (run, base))
             lines.append(
                 f"{run.element} against C3D20R on `{run.level}` with {run.engine}: {_compared(dataset, run, base)}. Their "
-                f"strokes are off the reference by {off}" + f"; {run.element} is {run.status}" * (run.status != "converged")
+                f"strokes are off the reference by {off}" + f"; {run.element} is {run.status}" * (run.status != CONVERGED)
             )
     return _with_scatter(lines, rows)
 

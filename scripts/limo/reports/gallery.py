@@ -35,7 +35,7 @@ from limo.reports.markdown import markdown_table
 from limo.schema.figures import SHAPES
 from limo.store.files import write_netcdf, write_whole
 from limo.store.results import Results
-from limo.store.statuses import USABLE
+from limo.store.statuses import CONVERGED, USABLE
 
 #: bytes that the data of all studies, those of sets included, may take together
 LARGEST_DATA = 5_000_000
@@ -288,7 +288,7 @@ def _summary(name: str, dataset: xr.Dataset) -> dict[str, str]:
     return {
         "study": name,
         "cases": str(seconds.size),
-        "converged": str(int((dataset.case_status == "converged").sum())),
+        "converged": str(int((dataset.case_status == CONVERGED).sum())),
         "engine and build": f"{engines} ({', '.join(builds)})",
         "CPU of the solver": duration(float(np.nansum(seconds))),
         "longest case": duration(float(np.nanmax(seconds))) if np.isfinite(seconds).any() else "-",

@@ -18,6 +18,7 @@ from limo.datasets.curves import at_end
 from limo.errors import LimoError
 from limo.reports.markdown import markdown_table
 from limo.store.files import write_whole
+from limo.store.statuses import CONVERGED, MISSING
 
 VERDICTS = ("reproduced", "partly", "not", "no data")
 #: kPa over which the fastest rise of V_a is taken, and the share of V_a at P_a,max from which on a ratio counts
@@ -62,7 +63,7 @@ def graded(value: float, low: float, high: float, wider: float) -> str:
 
 def _end(dataset: xr.Dataset, name: str) -> xr.DataArray:
     """A curve's value at the case's own P_a,max; NaN for one that failed before."""
-    return at_end(dataset[name]).where(dataset.case_status == "converged")
+    return at_end(dataset[name]).where(dataset.case_status == CONVERGED)
 
 
 def _each(array: xr.DataArray) -> np.ndarray:
@@ -349,9 +350,9 @@ def check(datasets: Mapping[str, xr.Dataset]) -> pd.DataFrame:
         if statement.study in datasets:
             dataset = datasets[statement.study]
             first, *others = [dataset.sel(branch=b) for b in dataset.branch] if "branch" in dataset.dims else [dataset]
-            whole = [branch for branch in others if not (branch.case_status == "missing").any()]
+            whole = [branch for branch in others if not (branch.case_status == MISSING).any()]
             collected = [_judged(statement, branch) for branch in (first, *whole)]
-            if lacks := int((first.case_status == "missing").sum()):
+            if lacks := int((first.case_status == MISSING).sum()):
                 collected = [(f"{lacks} of {first.case_status.size} cases are not solved yet", "no data")]
         ours, verdict = collected[0]
         rows.append(

@@ -30,6 +30,7 @@ from limo.schema.section import ENGINES
 from limo.store.files import read_json, write_whole
 from limo.store.machine import processor
 from limo.store.results import CaseFiles, Results
+from limo.store.statuses import CONVERGED
 
 #: columns that name a run; a new measurement of the same run takes the place of the old one
 KEYS = ["batch", "study", "n_pouches", "ventricular_pressure", "aspect_ratio", "stiffness_ratio", "variant", "branch"]
@@ -182,7 +183,7 @@ def repeated(rows: pd.DataFrame) -> list[pd.DataFrame]:
     was measured once.
     """
     keys = [*CASE, "engine", "build", "level", "symmetry", "iterations", "stroke"]
-    groups = rows[rows.status == "converged"].drop_duplicates([*keys, "cpu_seconds"]).groupby(keys, sort=False)
+    groups = rows[rows.status == CONVERGED].drop_duplicates([*keys, "cpu_seconds"]).groupby(keys, sort=False)
     return [group for _, group in groups if group.batch.nunique() > 1]
 
 
@@ -225,7 +226,7 @@ def _grids(rows: pd.DataFrame) -> pd.DataFrame:
                 "machine": _one(cases.machine),
                 "elements": f"{cases.elements.min()}-{cases.elements.max()}",
                 "cases": len(cases),
-                "converged": int((cases.status == "converged").sum()),
+                "converged": int((cases.status == CONVERGED).sum()),
                 "iterations": int(cases.iterations.sum()),
                 "CPU [min]": round(cases.cpu_seconds.sum() / 60, 1),
                 "longest case [s]": round(cases.cpu_seconds.max()),

@@ -22,7 +22,7 @@ from limo.reports.accuracy_device import error_text
 from limo.reports.kept import FIRST, STANDARD, Kept, first_branch, grids, made_with, reference_of, stock_factor
 from limo.reports.markdown import markdown_table, number
 from limo.reports.performance import slowest
-from limo.store.statuses import USABLE
+from limo.store.statuses import CONVERGED, USABLE
 
 #: what the paper calls a mesh of its own density, and the airbag with published values
 DENSITY, AIRBAG = "paper", "classical"
@@ -119,7 +119,7 @@ def accuracy(kept: Kept) -> str:
     airbags = read_airbags(kept.root / "docs/gallery/data/airbag.csv")
     airbag = load_config(str(kept.root / "config/config.yaml")).airbags[AIRBAG]
     bricks = airbags[(airbags.airbag == AIRBAG) & (airbags.element == TRUSTED[0]) & (airbags.engine == TRUSTED[1])]
-    bricks = bricks[(bricks.planes == "symmetric") & (bricks.status == "converged")]
+    bricks = bricks[(bricks.planes == "symmetric") & (bricks.status == CONVERGED)]
     finest = bricks[bricks.divisions == bricks.divisions.max()].sort_values("potential_energy").iloc[0]
     height, edge = finest.height / published_height(airbag) - 1, finest.edge_draw_in / published_draw_in(airbag) - 1
     case = "N_p = 8, P_v = 3.8 kPa"

@@ -13,8 +13,9 @@ from limo.errors import ResultError
 from limo.reports import blocks
 from limo.reports.markdown import markdown_table
 from limo.solve.judge import THINNEST
+from limo.store.statuses import CONVERGED, DEGRADED, DIVERGED, USABLE
 
-RIGHT = ("converged", "degraded")
+RIGHT = USABLE
 #: residual of forces (1) beyond which the check that is independent of the judge says no
 RESIDUAL = 0.02
 #: kPa below which no buckling event of the repeated case was found
@@ -49,13 +50,13 @@ def stress_summary(data: Path) -> str:
     for (box, engine), group in cases.groupby(["box", "engine"], sort=True):
         n, first = len(group), group.first_status.isin(RIGHT)
         right = group.status.isin(RIGHT)
-        ended = (group.status == "diverged") & (group.smallest_thickness < THINNEST)
+        ended = (group.status == DIVERGED) & (group.smallest_thickness < THINNEST)
         seen = group.residual - group.residual_floor > RESIDUAL  # by the judge, who called it degraded for that
         denied = right & ~seen & ~(group.forces_residual <= RESIDUAL)
         counts = (
-            first & (group.status == "converged"),
-            ~first & (group.status == "converged"),
-            group.status == "degraded",
+            first & (group.status == CONVERGED),
+            ~first & (group.status == CONVERGED),
+            group.status == DEGRADED,
             ended,
             ~right & ~ended,
             right,
@@ -86,7 +87,7 @@ def stress_failures(data: Path) -> str:
     if cases is None:
         return "Not measured yet."
     rows = []
-    for _, c in cases[cases.status != "converged"].sort_values(["engine", "box", "number"]).iterrows():
+    for _, c in cases[cases.status != CONVERGED].sort_values(["engine", "box", "number"]).iterrows():
         rows.append(
             (
                 f"{c.box} {c.number}, {c.engine}", int(c.n_pouches), f"{c.ventricular_pressure:g}", f"{c.aspect_ratio:g}",
