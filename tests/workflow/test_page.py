@@ -14,21 +14,23 @@ from playwright.sync_api import Page, sync_playwright
 
 from limo.store.files import read_json, write_json
 
-from .conftest import Project
+from .conftest import copied
 
 CHROMIUM = shutil.which("chromium")
 PATIENCE = 180_000  # ms: without a graphics card everything is drawn by the processor
 SOFTWARE = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 NASTY = '</script><script>window.hacked = 1</script><img src=x onerror="window.hacked = 2">'
 
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium: install the system's package chromium")
+pytestmark = [
+    pytest.mark.skipif(CHROMIUM is None, reason="no Chromium: install the system's package chromium"),
+    pytest.mark.xdist_group("page"),  # one browser, in which one test goes on where another one ended
+]
 
 
 @pytest.fixture(scope="module")
 def results(solved, tmp_path_factory) -> Path:
     """The results of the tiny sweep with a study more that measures its cases, of which one is made to have failed."""
-    project = Project(tmp_path_factory.mktemp("page") / "copy")
-    shutil.copytree(solved.folder, project.folder, symlinks=True)
+    project = copied(solved.folder, tmp_path_factory.mktemp("page") / "copy")
     project.study("measured", outputs=["volumes", "stress", "strain", "fatigue"], description=NASTY)
     failed = next(project.folder.glob("results/cases/*np4*/status.json"))
     write_json(failed, read_json(failed) | {"status": "diverged", "reason": NASTY})
