@@ -17,6 +17,12 @@ from limo.schema.accuracy import Scaling
 from limo.schema.solver import Solver
 
 
+@pytest.fixture(autouse=True)
+def broken_pipes_are_errors():
+    """gmsh, which other tests call in this process, lets a broken pipe end it; Python makes it an error."""
+    signal.signal(signal.SIGPIPE, signal.SIG_IGN)
+
+
 @pytest.fixture
 def small(loaded):
     """Measure small models of the full device, each of six times the displacements of the one before."""
