@@ -178,7 +178,8 @@ def test_commands_stand_in_shell_blocks_and_are_known(document):
 @pytest.mark.parametrize("document", DOCUMENTS, ids=lambda file: str(file.relative_to(ROOT)))
 def test_commands_in_the_text_exist(document):
     targets = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), flags=re.MULTILINE))
-    names = set(next(action for action in make_parser()._actions if action.choices).choices)
+    actions = make_parser()._actions
+    names = {*next(a for a in actions if a.choices).choices, *(option for a in actions for option in a.option_strings)}
     for span in mentioned(document):
         program, word, *_ = span.split()
         if program == "make":
