@@ -1,1 +1,1 @@
-"""The same bricks on a square airbag, a case with published answers."""
+"""The same model on a square airbag, a case with published answers."""

@@ -5,11 +5,13 @@ from __future__ import annotations
 import contextlib
 import json
 import re
+from difflib import SequenceMatcher
 from pathlib import Path
 from typing import Any
 
 import yaml
 from pydantic import ValidationError
+from pydantic.fields import FieldInfo
 
 from limo.errors import ConfigError
 from limo.schema.section import Section
@@ -98,8 +100,8 @@ def explain(model: type[Section], error: ValidationError, path: Path) -> ConfigE
     if isinstance(value, dict) and len(value) > 4:
         value = "{" + ", ".join(map(str, value))[:500] + "}"
     if first["type"] == "extra_forbidden":
-        known = ", ".join(sorted(getattr(owner or model, "model_fields", {})))
-        return ConfigError(path, key, value, f"no such key; known here: {known}", "see docs/configuration.md")
+        fields = getattr(owner or model, "model_fields", {})
+        return ConfigError(path, key, value, f"no such key; known here: {', '.join(sorted(fields))}", _like(keys[-1], fields))
     message = first["msg"].removeprefix("Value error, ").removeprefix("Input should be ")
     if first["type"] == "missing":
         message, value = "a value (the key is missing)", None
@@ -107,6 +109,15 @@ def explain(model: type[Section], error: ValidationError, path: Path) -> ConfigE
         return ConfigError(path, key, value, message, "see docs/configuration.md")
     expected = f"{message} ({field.description})" if field.description else message
     return ConfigError(path, key, value, expected, f"{name}: {json.dumps(field.examples[0])}")
+
+
+def _like(key: str, fields: dict[str, FieldInfo]) -> str:
+    """An example of the field that is spelt most like ``key``."""
+    described = [name for name, field in fields.items() if field.examples]
+    if not described:
+        return "see docs/configuration.md"
+    name = max(described, key=lambda name: SequenceMatcher(None, key, name).ratio())
+    return f"{name}: {json.dumps(fields[name].examples[0])}"
 
 
 # what pydantic calls the branches of a union, and validators, in the place of a mistake

@@ -1,1 +1,1 @@
-"""Many cases as one xarray dataset; every variable with its name, unit and symbol."""
+"""Cases as xarray datasets, tables and fields; every variable with its name, unit and symbol."""

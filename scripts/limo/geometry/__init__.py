@@ -1,1 +1,1 @@
-"""The flat pattern as plane curves; no mesher, no YAML."""
+"""The flat pattern as plane curves, and as a cutting pattern to scale; no mesher, no YAML."""

@@ -1,1 +1,1 @@
-"""Documents made of kept data."""
+"""Documents made of kept data and of the code."""

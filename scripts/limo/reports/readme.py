@@ -125,13 +125,13 @@ def accuracy(kept: Kept) -> str:
     case = "N_p = 8, P_v = 3.8 kPa"
     rows = [
         (
-            f"How far do strokes scatter if flat states differ by a twentieth of a thickness? ({case})",
+            f"How far do strokes scatter if the flat start is perturbed by 5 % of the thickness? ({case})",
             f"one standard deviation of {branches.run.nunique()} solutions: {100 * spread[10.0]:.1f} % at 10 kPa, at most "
             f"{100 * spread[spread.index >= LATE].max():.1f} % from {LATE:g} kPa on",
             "`coarsest`", "newton", "`docs/reliability.md`",
         ),
         (
-            f"How much does another mesh of about this size change the stroke at {end:g} kPa? ({case})",
+            f"How much does another mesh with about as many elements change the stroke at {end:g} kPa? ({case})",
             f"moved nodes {between(moved)}, other element sizes {between(sized)}",
             "`coarsest`", "newton", "`docs/reliability.md`",
         ),
@@ -162,8 +162,9 @@ def presets(kept: Kept) -> str:
         for _, row in settings_of(device[device.preset != ""]).iterrows()
     ]
     note = wrapped(
-        "N_p = 8 at P_v = 3.8 kPa. Errors are against the finest mesh; ~ marks an error within its scatter. These runs keep 21 "
-        "frames, which cost iterations (`docs/methods.md`). Their seconds are therefore not those of the next table."
+        "N_p = 8 at P_v = 3.8 kPa. Errors are against the finest mesh; ~ marks an error within its scatter. These runs store 21 "
+        "states each, which makes them slower (`docs/methods.md`); do not compare with the next table. The preset `preview` is "
+        "not the mesh level of the same name: it also chooses the engine. `make sweep` takes that level with calculix."
     )
     return "\n\n".join([markdown_table(pd.DataFrame(rows)), note])
 
@@ -186,8 +187,8 @@ def times(kept: Kept) -> str:
             }
         )
     trust = wrapped(
-        f"Compare seconds within one line. Other work on the machine made the same run up to {number(slowest(kept.costs))} times "
-        "as long (`docs/performance.md`)."
+        f"Compare times within one row only. Other work on the machine made the same run up to {number(slowest(kept.costs))} "
+        "times as long (`docs/performance.md`)."
     )
     return "\n\n".join([markdown_table(pd.DataFrame(rows)), trust])
 
@@ -210,8 +211,8 @@ def geometry(kept: Kept) -> str:
         rest[kept.level(part)] = float(volume.isel(actuation_pressure=0).squeeze())
     (level, fine), (other, coarse) = rest.items()
     return (
-        "**Outlines and seams of N_p = 6 and 10 are not public.** Widths are calibrated. The ventricle of N_p = 8 holds "
-        f"{fine:.0f} ml at rest (mesh level {level}; {coarse:.0f} ml at {other}). The real device holds 300 ml "
+        "**Outlines and seams of N_p = 6 and 10 are not public.** Their widths are fitted, not measured. The ventricle of N_p = "
+        f"8 holds {fine:.0f} ml at rest (mesh level {level}; {coarse:.0f} ml at {other}). The real device holds 300 ml "
         "(`docs/methods.md`)."
     )
 
@@ -221,10 +222,10 @@ def contact(kept: Kept) -> str:
     touches = kept.loads(STANDARD).contact_front_back
     devices = touches.n_pouches.values[touches.notnull().any([d for d in touches.dims if d != "n_pouches"]).values]
     first = touches.isel(ventricular_pressure=0)
-    collected = f"At mesh level {kept.level(STANDARD)} that is no device."
+    collected = f"At mesh level {kept.level(STANDARD)} this happens for no device."
     if len(devices):
         collected = (
-            f"At mesh level {kept.level(STANDARD)} that is N_p = {listed([str(n) for n in devices])}. At P_v = "
+            f"At mesh level {kept.level(STANDARD)} this happens for N_p = {listed([str(n) for n in devices])} only. At P_v = "
             f"{float(first.ventricular_pressure):g} kPa the first such frame is at P_a = {float(first.min()):.1f} kPa."
         )
     return (
@@ -274,8 +275,9 @@ def wrinkles(kept: Kept) -> str:
             low, high = stroke.min("branch"), stroke.max("branch")
             apart = max(apart, float(at_end((high - low) / high).max()))
     return (
-        "**Wrinkled states are not unique.** Differences smaller than the scatter between `branches` are not significant. At "
-        f"{kept.level(STANDARD)} the strokes of one device end within {number(100 * apart)} % (`docs/gallery/standard`)."
+        "**Wrinkled states are not unique.** `branches` are solutions of one case from perturbed starts. Differences smaller "
+        f"than their scatter are not significant. At {kept.level(STANDARD)} the strokes of one device end within "
+        f"{number(100 * apart)} % (`docs/gallery/standard`)."
     )
 
 

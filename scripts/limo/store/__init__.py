@@ -1,1 +1,1 @@
-"""Files on disk: whole, hashed, locked; statuses; the machine."""
+"""Files on disk: whole, hashed, locked; where results lie, their statuses, which code decides them; the machine."""

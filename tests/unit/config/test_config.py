@@ -683,3 +683,11 @@ def test_every_field_is_described_and_its_example_is_valid(model, name):
     for example in field.examples or ():
         value = TypeAdapter(Annotated[field.annotation, field]).validate_python(example)
         assert value is not None
+
+
+def test_a_misspelt_key_gets_the_example_of_the_one_that_is_spelt_most_like_it(root, tmp_path):
+    copy = shutil.copytree(root / "config", tmp_path / "config")
+    file = copy / "studies" / "buckling.yaml"
+    file.write_text(file.read_text() + "actuation_presure_max: 60\n")
+    with pytest.raises(ConfigError, match=r"actuation_presure_max.*no such key.*for example actuation_pressure_max: "):
+        load_config(copy / "config.yaml", strict=True)
