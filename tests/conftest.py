@@ -1,6 +1,6 @@
 """Fixtures shared by all tests: the shipped configuration, coarse meshes, cases, and writers of solver files.
 
-With two workers (``make test``) what is dear and can be kept is made by one of them, see ``tests/helpers/shared.py``.
+With several workers (``make test``) what is dear and can be kept is made by one of them, see ``tests/helpers/shared.py``.
 """
 
 from __future__ import annotations
