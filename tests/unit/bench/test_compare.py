@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -24,6 +23,7 @@ from limo.measure.efficiency import efficiency_at_stroke
 from limo.schema.bench import MeasuredCurves
 from limo.store.files import write_json, write_netcdf
 from limo.terminal.cli import main
+from tests.helpers.cases import without_studies
 from tests.helpers.curves import history_of
 
 from .conftest import FIXTURES
@@ -142,15 +142,13 @@ def test_efficiencies_are_those_of_the_measured_volumes_or_stated(measured):
 @pytest.fixture
 def project(root, tmp_path, monkeypatch):
     """A configuration with one study that has measured curves, whose cases are solved up to 60 kPa."""
-    shutil.copytree(root / "config", tmp_path / "config")
-    for study in (tmp_path / "config/studies").iterdir():
-        study.unlink()
+    studies = without_studies(root, tmp_path)
     study = {
         "description": "beside measured curves", "axes": {"n_pouches": [4, 6], "ventricular_pressure": [3.8, 13.8]},
         "actuation_pressure_max": {3.8: 60, 13.8: 60}, "figures": ["pressure_volume"], "engine": "newton",
         "measured": "config/measured/curves_synthetic.csv",
     }  # fmt: skip
-    file = tmp_path / "config/studies/mine.yaml"
+    file = studies / "mine.yaml"
     config = yaml.safe_load((root / "config/config.yaml").read_text())
     (tmp_path / "config/config.yaml").write_text(yaml.safe_dump(config | {"studies": ["mine"]}))
     monkeypatch.chdir(tmp_path)
