@@ -59,7 +59,7 @@ class Curves:
     @property
     def labels(self) -> list[str]:
         """The names of the curves in their order."""
-        return list(dict.fromkeys(self.table.label))
+        return self.table.label.unique().tolist()
 
     def measured(self, name: str) -> bool:
         """Whether a quantity was measured at all."""
@@ -96,7 +96,7 @@ def read_curves(measured: MeasuredCurves, expected: Expected | None = None) -> C
 
 
 def _summary(found: pd.DataFrame) -> str:
-    names = list(dict.fromkeys(found.label))
+    names = found.label.unique().tolist()
     listed = ", ".join(names[:6]) + (", ..." if len(names) > 6 else "")
     cycles = f", up to {int(found.cycle.max())} cycles" if found.cycle.max() > 1 else ""
     loops = ", loading and unloading" if (found.direction == UNLOADING).any() else ""
@@ -281,12 +281,12 @@ def _stated_direction(table: Table, rows: np.ndarray) -> list[str] | None:
     columns = table.of("direction")
     if not columns:
         return None
-    texts = [str(t).casefold() for t in columns[0].values[rows]]
-    falls = [bool(re.search(r"unload|down|deflat|decreas|fall|release|entlast|^-1?$|ab$", t)) for t in texts]
-    rises = [bool(re.search(r"(?<!un)load|up|inflat|increas|rise|belast|^\+?1?$|auf$", t)) for t in texts]
+    words, at = np.unique(columns[0].values[rows].astype(str), return_inverse=True)
+    falls = [re.search(r"unload|down|deflat|decreas|fall|release|entlast|^-1?$|ab$", word.casefold()) for word in words]
+    rises = [re.search(r"(?<!un)load|up|inflat|increas|rise|belast|^\+?1?$|auf$", word.casefold()) for word in words]
     if not all(f or r for f, r in zip(falls, rises, strict=True)):
         return None
-    return [UNLOADING if f else LOADING for f in falls]
+    return np.array([UNLOADING if f else LOADING for f in falls])[at].tolist()
 
 
 def _is_mixed(pressure: np.ndarray) -> bool:
