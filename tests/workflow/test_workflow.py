@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import shutil
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +14,7 @@ import xarray as xr
 from limo.accuracy.statistics import rows_of, sizes_of
 from limo.accuracy.table import read_errors
 from limo.reports.accuracy_airbag import read_airbags
+from limo.terminal.cli import main
 from tests.helpers.results_page import rows, table
 
 from .conftest import ROOT, Project, copied, jobs, make_project, run
@@ -132,6 +135,30 @@ def test_nothing_is_solved_again_without_a_reason(solved, tmp_path):
     study = solved.folder / "config/studies/tiny.yaml"
     study.write_text("# a comment\n" + study.read_text())
     assert solved.planned() == {}
+
+
+def test_a_touched_script_runs_nothing_and_limo_check_says_the_same(pretended, capsys, monkeypatch):
+    """Times of scripts are no reason: the digest of the code is a parameter of every rule."""
+    scripts = [ROOT / "scripts/solve_case.py", ROOT / "scripts/gather_study.py"]
+    before = {script: script.stat() for script in scripts}
+    try:
+        for script in scripts:
+            script.touch()
+        assert pretended.planned() == {}
+    finally:
+        for script, then in before.items():
+            os.utime(script, ns=(then.st_atime_ns, then.st_mtime_ns))
+    monkeypatch.chdir(pretended.folder)
+    assert main(["check", "tiny"]) == 0
+    assert "2 solved" in capsys.readouterr().out
+
+
+def test_an_archive_without_conda_is_one_message_with_what_helps(project, monkeypatch):
+    monkeypatch.setenv("PATH", str(Path(sys.executable).parent))  # where no conda is
+    done = project.snakemake("--archive", "limo.tar.gz", "tiny")
+    assert done.returncode != 0
+    assert "git archive" in done.stdout + done.stderr
+    assert "Traceback" not in done.stdout + done.stderr
 
 
 def test_another_ventricular_pressure_solves_that_case_on_the_same_mesh(solved, tmp_path):

@@ -205,7 +205,7 @@ def check_measured(path: Path, study: Study) -> None:
         return
     file = study.measured_curves.data
     if not Path(file).is_file():
-        raise ConfigError(path, "measured", file, "a readable CSV file", "measured: config/measured/arfaee2025.csv")
+        raise ConfigError(path, "measured", file, "a readable CSV file", "measured: config/measured/curves_synthetic.csv")
     if study.figures and not set(study.figures) & set(MEASURED):
         expected = f"one of {', '.join(MEASURED)} among them: the others have no axes for the measured curves of the study"
         raise ConfigError(path, "figures", study.figures, expected, f"figures: [{MEASURED[0]}]")

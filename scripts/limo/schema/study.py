@@ -153,7 +153,7 @@ class Study(Section):
         description="file of measured curves to lay over figures and to compare with, a path from the project's root; or "
         "with keys of what it does not say itself (docs/bench.md)",
         examples=[
-            "config/measured/arfaee2025.csv",
+            "config/measured/curves_synthetic.csv",
             {"data": "config/measured/mine.csv", "units": {"actuation_pressure": "mmHg"}},
         ],
     )
