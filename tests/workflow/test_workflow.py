@@ -220,11 +220,16 @@ def test_nothing_is_measured_for_a_study_of_volumes_alone(project):
     assert "write_fields" not in planned
 
 
+def test_contact_is_measured_unless_a_study_says_otherwise(project):
+    project.edit("studies/tiny.yaml", lambda d: d.pop("outputs"))
+    assert project.planned("tiny")["measure_case"] == 2
+
+
 def test_only_cases_of_studies_that_ask_are_measured(project):
     """Of two studies that share a case the one that asks for stress has it measured; fields are written only on demand."""
     text = (project.folder / "config/studies/tiny.yaml").read_text()
     asking = project.folder / "config/studies/asking.yaml"
-    asking.write_text(text.replace("- 2\n", "").replace("[2, 4]", "[4]") + "outputs: [volumes, stress]\n")
+    asking.write_text(text.replace("- 2\n", "").replace("[2, 4]", "[4]") .replace("outputs:\n- volumes\n", "outputs: [volumes, stress]\n"))
     planned = project.planned("tiny", "asking")
     assert planned["solve_case"] == 2
     assert planned["measure_case"] == 1

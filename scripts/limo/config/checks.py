@@ -161,7 +161,7 @@ def check_shells(path: Path, study: Study, prefix: str, setting: Setting) -> Non
         raise ConfigError(path, f"{prefix}mesh.symmetry", setting.mesh.symmetry, expected, "mesh: {symmetry: full}")
     if study.measures:
         expected = f"volumes only with element {element}, which keeps no displacements through the thickness"
-        example = "mesh: {level: preview, symmetry: quarter, element: C3D20R}"
+        example = "outputs: [volumes]"
         raise ConfigError(path, "outputs", study.outputs, expected, example)
     if usable := _other_elements(ENGINES if study.cross_check else [setting.engine], element):
         key, value = ("cross_check", study.cross_check) if study.cross_check else (f"{prefix}engine", setting.engine)

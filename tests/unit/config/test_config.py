@@ -348,7 +348,7 @@ def test_frames_become_pressures_in_order(frames, pressures):
 
 @pytest.mark.parametrize(
     ("outputs", "needed"),
-    [(["volumes"], [0, 3.8, 13.8]), (["volumes", "stress"], [0, 3.8, 13.8, 55, 60])],
+    [(["volumes"], [0, 3.8, 13.8]), (["volumes", "contact"], [0, 3.8, 13.8]), (["volumes", "stress"], [0, 3.8, 13.8, 55, 60])],
 )
 def test_a_study_of_volumes_alone_needs_no_frame_at_its_end(outputs, needed):
     frames = [0, "P_v", "P_v + 10", "max - 5", "max", "P_v + 60"]
