@@ -229,7 +229,8 @@ def test_only_cases_of_studies_that_ask_are_measured(project):
     """Of two studies that share a case the one that asks for stress has it measured; fields are written only on demand."""
     text = (project.folder / "config/studies/tiny.yaml").read_text()
     asking = project.folder / "config/studies/asking.yaml"
-    asking.write_text(text.replace("- 2\n", "").replace("[2, 4]", "[4]") .replace("outputs:\n- volumes\n", "outputs: [volumes, stress]\n"))
+    text = text.replace("- 2\n", "").replace("[2, 4]", "[4]")
+    asking.write_text(text.replace("outputs:\n- volumes\n", "outputs: [volumes, stress]\n"))
     planned = project.planned("tiny", "asking")
     assert planned["solve_case"] == 2
     assert planned["measure_case"] == 1

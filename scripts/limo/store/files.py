@@ -98,7 +98,7 @@ def _fits_classic(variable: xr.Variable) -> bool:
     """Whether whole numbers are of a type that netCDF's classic formats do not have, and fit into 32 bits, which these have."""
     if variable.dtype.name in ("int8", "int16", "int32"):
         return False
-    return not variable.size or (-(2**31) <= variable.values.min() and variable.values.max() < 2**31)
+    return not variable.size or (variable.values.min() >= -(2**31) and variable.values.max() < 2**31)
 
 
 def read_json(path: Path) -> dict[str, Any]:
