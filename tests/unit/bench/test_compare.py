@@ -10,6 +10,7 @@ import pytest
 import xarray as xr
 import yaml
 
+from limo.bench.check import soft_devices
 from limo.bench.compare import comparison, relative_l2, study_curves
 from limo.bench.curves import Expected, read_curves
 from limo.cases.grid import study_cases
@@ -279,3 +280,8 @@ def test_a_p_v_in_another_unit_is_one_message_that_names_the_unit(project):
         study_curves(loaded, "mine")
     loaded = project.write(measured={"data": str(file)} | yaml.safe_load(caught.value.example))
     assert study_curves(loaded, "mine").table.ventricular_pressure.iloc[0] == pytest.approx(3.8, abs=0.01)
+
+
+def test_check_tells_of_a_modulus_that_may_be_in_gpa(project):
+    assert soft_devices(project.write(), ["mine"]) == []
+    assert "in GPa it would be 267 MPa" in soft_devices(project.write(material={"youngs_modulus": 0.267}), ["mine"])[0]

@@ -134,6 +134,8 @@ MISTAKES = [
     (STUDY, ("variants", "half", "material", "thickness"), 0.0, "greater than 0"),
     (STUDY, ("material", "thickness"), 50.0, "less than or equal to 5"),
     (STUDY, ("material", "colour"), "red", "areal_density"),
+    (STUDY, ("material", "thickness"), 0.00019, "thickness in m would be 0.19"),
+    (STUDY, ("material", "areal_density"), 0.17, "areal_density in kg/m^2 would be 170"),
     (STUDY, ("variants", "half", "mesh", "level"), "huge", "preview"),
     (STUDY, ("variants", "a half"), {}, "pattern"),
     (STUDY, ("figures",), ["pie"], "pressure_volume"),
