@@ -25,6 +25,7 @@ def study(**changes):
     values = {
         "axes": {"n_pouches": [8], "ventricular_pressure": [3.8]}, "actuation_pressure_max": 60.0,
         "frames": [0, "P_v + 10", "max"], "mesh": {"level": "preview", "symmetry": "quarter", "element": "C3D20R"},
+        "outputs": ["volumes"],
     }  # fmt: skip
     return Study.model_validate(values | changes)
 

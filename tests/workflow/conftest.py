@@ -23,6 +23,7 @@ STUDY = {
     "description": "two coarse devices up to a low pressure",
     "axes": {"n_pouches": [2, 4], "ventricular_pressure": [3.8]},
     "actuation_pressure_max": 10.0,
+    "outputs": ["volumes"],
     "figures": ["pressure_volume"],
 }
 

@@ -32,7 +32,7 @@ def grid(loaded):
     """A study of N_p = 4, 6, 8 at two ventricular pressures."""
     study = Study(
         description="a test", axes={"n_pouches": [4, 6, 8], "ventricular_pressure": [3.8, 13.8]},
-        actuation_pressure_max={3.8: 60, 13.8: 100}, pressure_step=2.5, figures=["pressure_volume"],
+        actuation_pressure_max={3.8: 60, 13.8: 100}, pressure_step=2.5, outputs=["volumes"], figures=["pressure_volume"],
     )  # fmt: skip
     return Project(loaded.config, loaded.devices, {"grid": study}, loaded.files)
 

@@ -28,7 +28,7 @@ def project(root, tmp_path, monkeypatch):
     studies = without_studies(root, tmp_path)
     study = {
         "description": "volumes of one device", "axes": {"n_pouches": [6], "ventricular_pressure": [3.8]},
-        "actuation_pressure_max": 60, "figures": ["pressure_volume"],
+        "actuation_pressure_max": 60, "outputs": ["volumes"], "figures": ["pressure_volume"],
     }  # fmt: skip
     (studies / "one.yaml").write_text(yaml.safe_dump(study))
     (studies / "pressure_volume.yaml").write_text(yaml.safe_dump(study | {"figures": []}))
