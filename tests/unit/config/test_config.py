@@ -122,6 +122,8 @@ MISTAKES = [
     (STUDY, ("numerics",), "fastest", "fast"),
     (STUDY, ("numerics", "ramp", "damping"), -1.0, "greater than or equal to 0"),
     (STUDY, ("numerics", "newton", "colour"), "red", "load_step"),
+    (STUDY, ("numerics", "newton", "factor_precision"), "half", "'single' or 'double'"),
+    (CONFIG, (*FAST, "newton", "factor_precision"), 32, "'single' or 'double'"),
     (STUDY, ("preset",), "exact", "preview, reference, standard"),
     (STUDY, ("mesh", "level"), "huge", "preview"),
     (STUDY, ("mesh", "symmetry"), "half", "quarter"),

@@ -1,8 +1,9 @@
 """Loops over bricks and their integration points, compiled on first use and kept beside this file.
 
-A St. Venant-Kirchhoff layer's displacement gradients, internal forces and consistent tangent, as in ``assembly`` beside it, whose
-equations and units hold. m elements, g integration points, n nodes. ``gradient`` (m, 3 g, 20) is dN_n / dX_K with rows (g, K).
-``volume`` (m, g) is what a point stands for; ``lame`` (m, 2) are lambda and mu. Products of 20 x 3 g matrices are BLAS's.
+A St. Venant-Kirchhoff layer's displacement gradients, internal forces and consistent tangent, as in ``assembly`` and
+``tangent``, whose equations and units hold; and what a solver does with a tangent. m elements, g integration points, n nodes.
+``gradient`` (m, 3 g, 20) is dN_n / dX_K with rows (g, K). ``volume`` (m, g) is what a point stands for; ``lame`` (m, 2) are
+lambda and mu. Products of 20 x 3 g matrices are BLAS's.
 """
 
 from __future__ import annotations
@@ -130,3 +131,32 @@ def tangent(slopes, stress, gradient, volume, lame, sources, places, special, we
         target = places[e]
         for q in range(len(sources)):
             values[target[q]] += entries[sources[q]]
+
+
+@_compiled("f8(f8[::1], i4[::1], i4[::1], f8[::1], f4[::1])")
+def scale_upper(values, indptr, indices, scale, found):
+    """d_i K_ij d_j in single precision, of the upper triangle in rows with its ``values``; ``scale`` (n,) is d.
+
+    Returns the largest magnitude beside the diagonal, which is the first entry of a row.
+    """
+    largest = 0.0
+    for i in range(len(indptr) - 1):
+        found[indptr[i]] = values[indptr[i]] * scale[i] * scale[i]
+        for k in range(indptr[i] + 1, indptr[i + 1]):
+            entry = values[k] * scale[i] * scale[indices[k]]
+            found[k] = entry
+            largest = max(largest, abs(entry))
+    return largest
+
+
+@_compiled("void(f8[::1], i4[::1], i4[::1], f8[::1], f8[::1])")
+def symmetric_product(values, indptr, indices, vector, found):
+    """K x (n,) of a symmetric matrix by its upper triangle in rows, the diagonal first in each."""
+    found[:] = 0.0
+    for i in range(len(indptr) - 1):
+        own = vector[i]
+        total = values[indptr[i]] * own
+        for k in range(indptr[i] + 1, indptr[i + 1]):
+            total += values[k] * vector[indices[k]]
+            found[indices[k]] += values[k] * own
+        found[i] += total
