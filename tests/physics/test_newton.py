@@ -344,7 +344,7 @@ def test_single_precision_rests_where_double_does(case, changes):
     assert single[0].details["solutions"] <= single[0].details["refinements"] <= 2 * single[0].details["solutions"]
 
 
-@pytest.mark.parametrize("keys", [{"factor_precision": "double"}, {"factor_precision": "single"}], ids=str)
+@pytest.mark.parametrize("keys", [{"factor_precision": "single"}, {"geometric_stiffness": "mixed"}], ids=str)
 def test_paths_repeat_to_the_bit(case, keys):
     first, again = (solved(device(case, **levers(**keys))) for _ in range(2))
     assert np.array_equal(first[1], again[1])
@@ -360,6 +360,21 @@ def test_a_factor_that_hides_a_negative_eigenvalue_raises_the_shift(case, monkey
     path, u = solved(model)
     assert path.rejected >= 2
     assert residual(model, u, path.pressure[-1]).full < 1e-3
+
+
+def test_the_mixed_stress_rests_where_the_consistent_one_does_in_other_steps(case):
+    consistent, mixed = (solved(device(case, 8, **levers(geometric_stiffness=g))) for g in ("consistent", "mixed"))
+    assert np.abs(mixed[1] - consistent[1]).max() < 1e-3
+    assert mixed[0].details["solutions"] <= mixed[0].details["factorisations"], "each has its own factor"
+    assert mixed[0].iterations != consistent[0].iterations
+
+
+def test_a_path_with_mixed_stress_is_carried_on_as_if_it_had_not_ended(case):
+    """At a new load the stress is that of the state: nothing is remembered that a path does not keep."""
+    short, whole = (device(case, maximum=m, **levers(geometric_stiffness="mixed")) for m in (1.0, 3.0))
+    begun = newton.solve(short, Solver())
+    carried, straight = newton.solve(whole, Solver(), after=begun), newton.solve(whole, Solver())
+    assert np.abs(carried.displacements(len(carried.stage) - 1) - straight.displacements(len(straight.stage) - 1)).max() < 1e-4
 
 
 # --- failure --------------------------------------------------------------------------------------------------------------

@@ -12,6 +12,9 @@ from limo.schema.section import NAME, ElementName, Section, Symmetry
 Precision = Literal["single", "double"]
 
 
+GeometricStiffness = Literal["consistent", "mixed"]
+
+
 #: displacements of the largest mesh
 LARGEST_MESH = 5_000_000
 
@@ -108,6 +111,11 @@ class Newton(Section):
         description="of the factors of the tangent; with single, solutions are refined on the tangent in double precision",
         examples=["single"],
     )
+    geometric_stiffness: GeometricStiffness = Field(
+        "consistent",
+        description="stress in the tangent's geometric part: consistent, that of the state; mixed, as the last step predicted it",
+        examples=["mixed"],
+    )
 
     @model_validator(mode="after")
     def _ordered(self) -> Newton:
@@ -124,7 +132,7 @@ class Newton(Section):
 
 
 #: keys of ``Newton`` that came when results had names already, which they are to keep
-LATER = ("factor_precision",)
+LATER = ("factor_precision", "geometric_stiffness")
 
 
 class Numerics(Section):

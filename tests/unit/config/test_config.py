@@ -123,6 +123,7 @@ MISTAKES = [
     (STUDY, ("numerics", "ramp", "damping"), -1.0, "greater than or equal to 0"),
     (STUDY, ("numerics", "newton", "colour"), "red", "load_step"),
     (STUDY, ("numerics", "newton", "factor_precision"), "half", "'single' or 'double'"),
+    (STUDY, ("numerics", "newton", "geometric_stiffness"), "none", "'consistent' or 'mixed'"),
     (CONFIG, (*FAST, "newton", "factor_precision"), 32, "'single' or 'double'"),
     (STUDY, ("preset",), "exact", "preview, reference, standard"),
     (STUDY, ("mesh", "level"), "huge", "preview"),

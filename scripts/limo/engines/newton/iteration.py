@@ -14,7 +14,8 @@ moves sigma: strong for small steps downhill, through a snap; negligible for New
 - a factor is used again as long as the residual falls tenfold without a new one, and a step that made it larger taken back.
 
 ``factor_precision: single`` factorises in single precision (``refined``) on means and half differences of bottom and top nodes
-(``unknowns``); the unknowns of the iteration, its norms and its limits stay what they are.
+(``unknowns``); the unknowns of the iteration, its norms and its limits stay what they are. ``geometric_stiffness: mixed`` has
+the tangent take another stress than that of the state (``mixed``), with a factor for each step.
 
 No damping is left in the answer: a snap of the device is a jump at its load. Steps of some millimetres matter: with steps of
 1 mm the wrinkles of the fit stay where they first appear, and nearly equal runs end with different ones (docs/performance.md).
@@ -34,6 +35,7 @@ import numpy as np
 from limo.engines.load_path import LoadPath, count_stages
 from limo.engines.newton.assembly import Assembly
 from limo.engines.newton.build import mkl_version
+from limo.engines.newton.mixed import MixedStress
 from limo.engines.newton.pardiso import FactorisationError, SymmetricSolver, set_threads
 from limo.engines.newton.refined import RefinedSolver
 from limo.engines.newton.tangent import Tangent
@@ -154,6 +156,7 @@ class _Run:
         pattern, groups = (self.tangent.indptr, self.tangent.indices), self.unknowns.groups
         solver = RefinedSolver if single else partial(SymmetricSolver, definite=True)
         self.solver = solver(*pattern, groups=groups)
+        self.mixed = MixedStress(self.assembly) if settings.geometric_stiffness == "mixed" else None
         self.largest, self.rejected = settings.largest_step * model.length, settings.rejected_step * model.length
         self.state = _State(np.zeros(self.assembly.size), shift=settings.first_shift)
         self.stages: list[int] = []
@@ -224,6 +227,8 @@ class _Run:
         state, assembly, settings = self.state, self.assembly, self.settings
         before, correction = state.free, np.inf
         moved = (share - state.prescribed) * assembly.prescribed if share != state.prescribed else None
+        if self.mixed is not None:
+            self.mixed.forget()
         for _ in range(settings.iterations):
             if time.monotonic() > self.deadline:
                 raise _StopError("timed_out", f"stopped at P_a = {actuation:g} kPa of the {name} after the time limit")
@@ -240,7 +245,7 @@ class _Run:
             refused, edges = state.rejected, moved is not None
             correction = largest = self._iterate(residual, share, ventricular, actuation)
             moved = None
-            if not edges and largest <= self.largest:
+            if not edges and largest <= self.largest and self.mixed is None:
                 correction = self._reuse(size, load, correction, before, ventricular, actuation)
             powers = 1 if state.rejected > refused else AT_ONCE if largest <= SHORT_STEP * self.largest else QUICKLY
             state.shift = max(settings.smallest_shift, state.shift * settings.shift_decay**powers)
@@ -254,10 +259,15 @@ class _Run:
 
     def _iterate(self, residual: np.ndarray, share: float, ventricular: float, actuation: float) -> float:
         """One step of the state for a residual (size,), to a share of the prescribed displacements; its size (mm) before cuts."""
-        state = self.state
-        values = self.tangent.assemble(self.displacements(), ventricular, actuation, state.shift)
+        state, mixed, u, free = self.state, self.mixed, self.displacements(), self.state.free
+        stress = None if mixed is None else mixed.stress
+        values = self.tangent.assemble(u, ventricular, actuation, state.shift, stress)
+        if mixed is not None:
+            mixed.leave(u)
         state.free, largest = self._step(values, residual, share)
         state.prescribed = share
+        if mixed is not None:
+            mixed.arrive(self.displacements(), min(1.0, np.abs(state.free - free).max() / max(largest, TINY)))
         state.iterations[self.stage] += 1
         report(
             stage=self.stage,

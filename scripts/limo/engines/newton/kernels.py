@@ -160,3 +160,29 @@ def symmetric_product(values, indptr, indices, vector, found):
             total += values[k] * vector[indices[k]]
             found[indices[k]] += values[k] * own
         found[i] += total
+
+
+@_compiled("void(f8[:,:,::1], f8[:,:,::1], f8[:,:,::1], f8[:,::1], f8[:,::1], f8[:,:,::1])")
+def predicted_stress(stress, slopes, before, volume, lame, predicted):
+    """J w (S - C : d d^T / 2), (m, g, 6): the stress at displacement gradients as a linear strain predicts it from ``before``.
+
+    ``stress`` is J w S at ``slopes`` (m, 3 g, 3), and d = ``slopes`` - ``before`` is what a step added, rows K, columns i. The
+    strain grows by the symmetric part of F^T d, which is linear in d, and by d d^T / 2, which is left out.
+    """
+    d = np.empty((3, 3))
+    for e in range(len(stress)):
+        for g in range(stress.shape[1]):
+            for k in range(3):
+                for i in range(3):
+                    d[k, i] = slopes[e, 3 * g + k, i] - before[e, 3 * g + k, i]
+            xx = 0.5 * (d[0, 0] * d[0, 0] + d[0, 1] * d[0, 1] + d[0, 2] * d[0, 2])
+            yy = 0.5 * (d[1, 0] * d[1, 0] + d[1, 1] * d[1, 1] + d[1, 2] * d[1, 2])
+            zz = 0.5 * (d[2, 0] * d[2, 0] + d[2, 1] * d[2, 1] + d[2, 2] * d[2, 2])
+            xy = d[0, 0] * d[1, 0] + d[0, 1] * d[1, 1] + d[0, 2] * d[1, 2]
+            xz = d[0, 0] * d[2, 0] + d[0, 1] * d[2, 1] + d[0, 2] * d[2, 2]
+            yz = d[1, 0] * d[2, 0] + d[1, 1] * d[2, 1] + d[1, 2] * d[2, 2]
+            mu = lame[e, 1] * volume[e, g]
+            trace = lame[e, 0] * volume[e, g] * (xx + yy + zz)
+            s, p = stress[e, g], predicted[e, g]
+            p[0], p[1], p[2] = s[0] - trace - 2 * mu * xx, s[1] - trace - 2 * mu * yy, s[2] - trace - 2 * mu * zz
+            p[3], p[4], p[5] = s[3] - mu * xy, s[4] - mu * xz, s[5] - mu * yz
