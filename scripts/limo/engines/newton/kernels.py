@@ -166,8 +166,8 @@ def symmetric_product(values, indptr, indices, vector, found):
 def predicted_stress(stress, slopes, before, volume, lame, predicted):
     """J w (S - C : d d^T / 2), (m, g, 6): the stress at displacement gradients as a linear strain predicts it from ``before``.
 
-    ``stress`` is J w S at ``slopes`` (m, 3 g, 3), and d = ``slopes`` - ``before`` is what a step added, rows K, columns i. The
-    strain grows by the symmetric part of F^T d, which is linear in d, and by d d^T / 2, which is left out.
+    ``stress`` is J w S at ``slopes`` (m, 3 g, 3), rows K, columns i. A step added d = ``slopes`` - ``before``. The strain grows
+    by the symmetric part of F^T d, which is linear in d, and by d d^T / 2, which is left out.
     """
     d = np.empty((3, 3))
     for e in range(len(stress)):

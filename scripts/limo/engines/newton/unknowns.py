@@ -3,8 +3,8 @@
     q = Q y,   K_y = Q^T K_q Q
 
 q are the free displacements of an ``Assembly``. The bottom and the top node of a thin layer move nearly alike: its bending is a
-small difference of large stiffnesses, and a factor in single precision loses it. In the mean m of both, their half difference d
-and the distance c of the node between them it is an entry of its own:
+small difference of large stiffnesses, and a factor in single precision loses it. It is an entry of its own in the mean m of
+both, their half difference d, and c of the node between them:
 
     u_bottom = m - d,   u_top = m + d,   u_middle = m + c
 
@@ -93,8 +93,8 @@ def displacements(assembly: Assembly) -> Unknowns:
 def means(assembly: Assembly) -> Unknowns:
     """Means and half differences of bottom and top nodes, with the constraints that an assembly has.
 
-    A node of the mesh keeps its displacements where the constraints tie them to those of another one or to another direction, and
-    where m, d or c would depend on two unknowns.
+    A node of the mesh keeps its displacements where constraints tie them to another node or direction. It does so, too, where
+    m, d or c would depend on two unknowns.
     """
     shell, count = assembly.model.expansion, len(assembly.model.nodes)
     # a mid-side node has nothing between: as if it were held
