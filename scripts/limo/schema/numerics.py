@@ -107,9 +107,9 @@ class Newton(Section):
     shift_decay: float = Field(0.5, gt=0, lt=1, description="factor of the shift after an accepted step", examples=[0.5])
     iterations: int = Field(400, ge=5, le=100000, description="most iterations at one load", examples=[400])
     factor_precision: Precision = Field(
-        "double",
+        "single",
         description="of the factors of the tangent; with single, solutions are refined on the tangent in double precision",
-        examples=["single"],
+        examples=["double"],
     )
     geometric_stiffness: GeometricStiffness = Field(
         "consistent",
