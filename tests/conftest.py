@@ -30,8 +30,8 @@ from tests.helpers import shared
 
 ROOT = Path(__file__).resolve().parents[1]
 COARSE = MeshLevel(degrees_of_freedom=12000, grading=0.8)
-#: folders of tests, those with long ones first: the short ones fill the time of the worker that is done earlier
-FOLDERS = ("workflow", "physics", "unit")
+#: fixtures that one worker makes for all, dearest first: see ``_schedule``
+MADE_ONCE = ("everything", "tested", "solved", "finished", "pretended_once")
 
 
 @pytest.hookimpl(tryfirst=True)  # xdist reads the marks
@@ -41,7 +41,29 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         if _folder(item) == "unit" and item.get_closest_marker("xdist_group") is None:
             item.add_marker(pytest.mark.xdist_group(item.nodeid.split("::")[0]))
     if "PYTEST_XDIST_WORKER" in os.environ:
-        items.sort(key=lambda item: FOLDERS.index(_folder(item)))
+        _schedule(items)
+
+
+def _schedule(items: list[pytest.Item]) -> None:
+    """Order tests so that no worker waits for another one.
+
+    First comes one test of each fixture of ``MADE_ONCE``, which different workers then make side by side. Long tests that need
+    none of them follow, then those that do. The quick ones fill the time of the worker that is done earlier.
+    """
+    makers: dict[str, pytest.Item] = {}
+    for item in items:
+        for name in MADE_ONCE:
+            if _folder(item) == "workflow" and name in item.fixturenames:
+                makers.setdefault(name, item)
+    first = [makers[name] for name in MADE_ONCE if name in makers]
+
+    def rank(item: pytest.Item) -> int:
+        if item in first:
+            return first.index(item) - len(first)
+        shares = _folder(item) == "workflow" and not makers.keys().isdisjoint(item.fixturenames)
+        return {"workflow": 2 if shares else 0, "physics": 1, "unit": 3}[_folder(item)]
+
+    items.sort(key=rank)
 
 
 def _folder(item: pytest.Item) -> str:
