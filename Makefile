@@ -33,7 +33,7 @@ sweep: setup ## solve the pressure-volume study, print its table and draw its fi
 
 test: setup lint ## lint, then run every test
 	@bash scripts/browser.sh
-	@OMP_NUM_THREADS=1 $(BIN)/pytest --numprocesses $$((2 * $(CORES))) --dist loadgroup --no-loadscope-reorder
+	@OMP_NUM_THREADS=1 $(BIN)/pytest --numprocesses $$((2 * $(CORES))) --dist loadscope --no-loadscope-reorder
 
 lint: setup ## check style of Python and Snakemake files
 	@$(BIN)/ruff check .

@@ -32,14 +32,34 @@ ROOT = Path(__file__).resolve().parents[1]
 COARSE = MeshLevel(degrees_of_freedom=12000, grading=0.8)
 #: fixtures that one worker makes for all, dearest first: see ``_schedule``
 MADE_ONCE = ("everything", "tested", "solved", "finished", "pretended_once")
+#: files of long tests that share something dear, which one worker takes
+TOGETHER = (
+    "workflow/test_bench_tutorial.py",
+    "workflow/test_page.py",
+    "workflow/test_paths.py",
+    "physics/test_recovery.py",
+    "physics/test_stress.py",
+)
 
 
-@pytest.hookimpl(tryfirst=True)  # xdist reads the marks
+def pytest_xdist_make_scheduler(config: pytest.Config, log):
+    """What several workers take as one: a file of quick tests, or one of ``TOGETHER``; any other test is by itself.
+
+    The marks of ``--dist loadgroup`` are not seen by pytest-xdist 3.8 under pytest 9.2.
+    """
+    from xdist.scheduler import LoadScopeScheduling
+
+    class Scheduling(LoadScopeScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            file = nodeid.partition("::")[0]
+            return file if file.removeprefix("tests/").startswith(("unit/", *TOGETHER)) else nodeid
+
+    return Scheduling(config, log)
+
+
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """What several workers take as one: a file of quick tests, and what a module marks with ``xdist_group``; others are apart."""
-    for item in items:
-        if _folder(item) == "unit" and item.get_closest_marker("xdist_group") is None:
-            item.add_marker(pytest.mark.xdist_group(item.nodeid.split("::")[0]))
+    """Order what several workers share."""
     if "PYTEST_XDIST_WORKER" in os.environ:
         _schedule(items)
 

@@ -33,7 +33,6 @@ from limo.store.files import read_json
 from limo.store.results import OWN_MESH
 from tests.helpers.cases import small_mesh, with_
 
-pytestmark = pytest.mark.xdist_group("recovery")  # one path that needs no ladder for all
 MAXIMUM = 6.0  # kPa
 
 

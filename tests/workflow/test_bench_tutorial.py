@@ -20,7 +20,6 @@ import xarray as xr
 from .conftest import ROOT
 from .test_documented_commands import blocks, commands
 
-pytestmark = pytest.mark.xdist_group("tutorial")  # it is followed once
 DOCUMENT = ROOT / "docs/tutorial_bench.md"
 
 

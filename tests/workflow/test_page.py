@@ -23,7 +23,6 @@ NASTY = '</script><script>window.hacked = 1</script><img src=x onerror="window.h
 
 pytestmark = [
     pytest.mark.skipif(CHROMIUM is None, reason="no Chromium: install the system's package chromium"),
-    pytest.mark.xdist_group("page"),  # one browser, in which one test goes on where another one ended
 ]
 
 

@@ -25,8 +25,6 @@ NAMES = [f"a{text}b" for text in REFUSED] + ["a\nb", "a\udcffb"]
 FILES = ("Makefile", "Snakefile", "pyproject.toml", "requirements.lock", "README.md", "LICENSE")
 FOLDERS = ("scripts", "workflow", "profiles")
 
-one_sweep = pytest.mark.xdist_group("paths")  # one sweep in an odd path for all
-
 
 def copy_project(folder: Path) -> Path:
     """What set-up and the workflow need of this project, without its environment."""
@@ -84,7 +82,6 @@ def swept(checkout) -> str:
     return passed(run("make", "sweep", "CORES=1", cwd=checkout))
 
 
-@one_sweep
 def test_make_sweep_in_a_path_with_blanks_and_apostrophe(checkout, swept):
     folders = list((checkout / "results" / "cases").iterdir())
     assert {read_json(f / "status.json")["status"] for f in folders} == {"converged"}
@@ -94,7 +91,6 @@ def test_make_sweep_in_a_path_with_blanks_and_apostrophe(checkout, swept):
     assert "figure: results/studies/pressure_volume/figures/pressure_volume.png" in swept
 
 
-@one_sweep
 @pytest.mark.parametrize(
     "command",
     [
@@ -108,7 +104,6 @@ def test_commands_in_a_path_with_blanks_and_apostrophe(checkout, swept, command)
     passed(run("bash", "-ec", command, cwd=checkout))
 
 
-@one_sweep
 def test_a_checkout_behind_a_link(checkout, swept, tmp_path):
     """Nothing is to do there; and what is asked for runs, by the interpreter that lies behind the link."""
     link = tmp_path / "link"

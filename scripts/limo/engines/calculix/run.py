@@ -217,7 +217,7 @@ def _watch(process: subprocess.Popen, folder: Path, solver: Solver, started: flo
             process.returncode = os.waitstatus_to_exitcode(wait_status)
             return stopped, process.returncode, usage
         now = time.monotonic()
-        written = sum(p.stat().st_size for p in (folder / f"{JOB}.cvg", folder / f"{JOB}.sta", folder / "ccx.log") if p.exists())
+        written = sum(_bytes(folder / name) for name in (f"{JOB}.cvg", f"{JOB}.sta", "ccx.log"))
         if written != progress:
             progress, seen_at = written, now
         if not stopped and now - started > 60 * solver.time_limit:
@@ -229,6 +229,13 @@ def _watch(process: subprocess.Popen, folder: Path, solver: Solver, started: flo
         if stopped:
             _signal(process, signal.SIGKILL)
         time.sleep(_POLL)
+
+
+def _bytes(file: Path) -> int:
+    """How large a file is, which CalculiX may remove at any moment to write it anew."""
+    with contextlib.suppress(FileNotFoundError):
+        return file.stat().st_size
+    return 0
 
 
 def _crawls(sta: Path, end_time: float) -> str:
