@@ -1,6 +1,6 @@
 # Entry points of the project; `make help` lists them.
-# Variables: CORES (cores of a sweep; the tests have twice as many workers, because they wait for other processes half of the
-# time), PYTHON (the Python that .venv is made with).
+# Variables: CORES (cores of a sweep; the tests have one worker more, because they also wait for other processes), PYTHON (the Python
+# that .venv is made with).
 
 SHELL := bash
 .DEFAULT_GOAL := help
@@ -33,7 +33,7 @@ sweep: setup ## solve the pressure-volume study, print its table and draw its fi
 
 test: setup lint ## lint, then run every test
 	@bash scripts/browser.sh
-	@OMP_NUM_THREADS=1 $(BIN)/pytest --numprocesses $$((2 * $(CORES))) --dist loadscope --no-loadscope-reorder
+	@OMP_NUM_THREADS=1 $(BIN)/pytest --numprocesses $$(($(CORES) + 1)) --dist loadscope --no-loadscope-reorder
 
 lint: setup ## check style of Python and Snakemake files
 	@$(BIN)/ruff check .
