@@ -57,7 +57,6 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log):
     return Scheduling(config, log)
 
 
-@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Order what several workers share."""
     if "PYTEST_XDIST_WORKER" in os.environ:

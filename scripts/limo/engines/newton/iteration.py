@@ -178,7 +178,7 @@ class _Run:
             "equations": self.assembly.size,
             "factorisations": state.factorisations,
             "solutions": state.solutions,
-            "refinements": getattr(self.solver, "refinements", 0),
+            "refinements": self.solver.refinements,
             "factor_seconds": round(self.solver.seconds, 2),
             "factor_memory_mib": round(self.solver.memory),
             "largest_residual": max(self.residuals, default=None),

@@ -90,6 +90,8 @@ class SymmetricSolver:
         self._sides = aligned(2 * self._size, self._type).reshape(2, -1)
         #: CPU time (s) of factorisations and solutions
         self.seconds = 0.0
+        #: iterations that refined solutions
+        self.refinements = 0
         for place, value in {
             _CUSTOM: 1,
             _ORDERING: _NESTED_DISSECTION,
