@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from scipy.sparse import csr_array, identity
+import scipy  # its parts are imported when they are used
 
 from limo.mesh.elements import HEX20_BOTTOM, HEX20_TOP
 from limo.mesh.layers import LAYERS
@@ -164,12 +164,14 @@ def scatter(forces: np.ndarray, nodes: np.ndarray, count: int) -> np.ndarray:
     return np.stack([np.bincount(index, forces[..., d].ravel(), minlength=count) for d in range(3)], axis=1)
 
 
-def reduction(model: Model) -> csr_array:
+def reduction(model: Model) -> scipy.sparse.csr_array:
     """T^T (free, 3 n): from forces on all displacements to those on the free ones, with u = T u_free + const.
 
     The dependent term of an equation, u_0 = -sum c_i / c_0 u_i, hands its force to the others; prescribed and fixed
     displacements take theirs away.
     """
+    from scipy.sparse import csr_array, identity  # takes 0.1 s, and most processes solve nothing
+
     size = 3 * len(model.nodes)
     dependent, rows, columns, values = [], [], [], []
     for equation in model.equations:
