@@ -153,6 +153,13 @@ class Model:
         ratio = np.where(self.mesh.layer == LAYERS.index("endo"), self.fabric.stiffness_ratio, 1.0)
         return ratio * self.fabric.youngs_modulus
 
+    def loaded(self, side: str) -> tuple[np.ndarray, ...]:
+        """Nodes (n_shell,) whose mean is where a pressure on a side acts: that side, or the middle surface of shells."""
+        shell = self.expansion
+        if self.element.plane_stress:
+            return shell.bottom, shell.top
+        return (shell.bottom if side == "bottom" else shell.top,)
+
     def midsurface(self, displacements: np.ndarray) -> np.ndarray:
         """Displacements (n, 3) of the model's nodes -> those of the mesh's nodes, on the middle surface (n_shell, 3)."""
         return displacements if self.element.is_shell else self.expansion.midsurface(displacements)
