@@ -95,7 +95,7 @@ def check_stress_test(path: Path, config: Config) -> None:
     check_name(path, "stress_test.mesh.level", test.mesh.level, config.mesh_levels)
     if test.numerics:
         check_name(path, "stress_test.numerics", test.numerics, config.numerics_presets)
-    if usable := _other_elements(test.engines, test.mesh.element):
+    if usable := _other_elements(test.engines, test.mesh.element, test.mesh.symmetry):
         raise ConfigError(path, "stress_test.mesh.element", test.mesh.element, " or ".join(usable), f"element: {usable[0]}")
 
 
