@@ -69,7 +69,9 @@ def start(project, *, fresh: bool = False) -> Started:
 
 
 def said(project) -> str:
-    return (project.folder / "snakemake.log").read_text(errors="replace")
+    """What Snakemake said so far; a forked one may not have begun to."""
+    log = project.folder / "snakemake.log"
+    return log.read_text(errors="replace") if log.exists() else ""
 
 
 def inside(project) -> dict[int, str]:

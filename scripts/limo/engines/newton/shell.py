@@ -31,7 +31,7 @@ from limo.mesh.elements import HEX20_BOTTOM, HEX20_TOP, gauss, hex20_shape
 class ShellAssembly:
     """As ``Assembly``. What it calls free displacements (size,) are m and d - d_0 of all nodes of the mesh, (2 N, 3) flat.
 
-    Forces (2 N, 3) belong to these slots. ``slots`` (m, 16): of each element; ``law`` (m, 9) as in ``shell_kernels``.
+    Forces (2 N, 3) belong to these slots. ``slots`` (m, 16): of each element; ``law`` (m, 10) as in ``shell_kernels``.
     """
 
     def __init__(self, model: Model):
@@ -184,7 +184,7 @@ class ShellAssembly:
         return self._placed[1:]
 
     def inside(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """f_int (2 N, 3) and J w S (m, g, 5)."""
+        """f_int (2 N, 3) and J w S (m, g, 6)."""
         if self._known is None or self._known[0] is not u:
             forces, stress = np.zeros((2 * self.count, 3)), np.empty((*self.volume.shape, 6))
             tables = self.slots, self.gradient, self.axes, self.volume, self.law

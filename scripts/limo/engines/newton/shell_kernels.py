@@ -2,8 +2,8 @@
 
 m elements of 16 slots (displacements of eight nodes, then of their directors), g integration points, s slots in all.
 ``gradient`` (m, 3 g, 16) is dN / dX_K with rows (g, K), K along the axes of a point. ``axes`` (m, g, 3, 3): these axes as
-columns, the third one across the layer. ``law`` (m, 9): Q_11, Q_12, Q_16, Q_22, Q_26, Q_66 of plane stress in MPa, and the
-shear moduli G_44, G_45, G_55 of (yz, xz). Equations as in ``shell``.
+columns, the third one across the layer. ``law`` (m, 10): Q_11, Q_12, Q_16, Q_22, Q_26, Q_66 of plane stress in MPa, the shear
+moduli G_44, G_45, G_55 of (yz, xz), and what resists a stretch across. Equations as in ``shell``.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def displacement_gradients(values, slots, gradient, axes, found, ratios):
 
 @_compiled("void(f8[:,:,::1], i4[:,::1], f8[:,:,::1], f8[:,:,:,::1], f8[:,::1], f8[:,::1], f8[:,:,::1], f8[:,::1])")
 def internal_forces(slopes, slots, gradient, axes, volume, law, stress, forces):
-    """Adds int P Grad N dV_0 to ``forces`` (s, 3), P = F S; ``stress`` (m, g, 5) becomes J w S (xx, yy, xy, xz, yz)."""
+    """Adds int P Grad N dV_0 to ``forces`` (s, 3), P = F S; ``stress`` (m, g, 5) becomes J w S (xx, yy, xy, xz, yz, zz)."""
     points = volume.shape[1]
     piola, found = np.empty((3 * points, 3)), np.empty((16, 3))
     h, f = np.empty((3, 3)), np.empty((3, 3))
@@ -78,7 +78,9 @@ def internal_forces(slopes, slots, gradient, axes, volume, law, stress, forces):
                 forces[slots[e, n], i] += found[n, i]
 
 
-@_compiled()
+# The signature is stated: compiled for the types of its first call, it gave the process that compiled it a tangent with other
+# last bits than those that took it from the cache, and so another path (numba 0.68.1).
+@_compiled("void(f8[:,::1], f8[::1], f8[:,::1], f8[::1], f8, f8[:,:,::1])")
 def _point(f, s, slopes, q, w, half):
     """J w A_iKjL dN_m/dX_L of one point: (3, 6, 16), K and pair (i, j) and m. ``f`` rows K, columns i."""
     q11, q12, q16, q22, q26, q66 = w * q[0], w * q[1], w * q[2], w * q[3], w * q[4], w * q[5]
