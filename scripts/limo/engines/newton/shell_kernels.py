@@ -40,7 +40,7 @@ def displacement_gradients(values, slots, gradient, axes, found, ratios):
 
 @_compiled("void(f8[:,:,::1], i4[:,::1], f8[:,:,::1], f8[:,:,:,::1], f8[:,::1], f8[:,::1], f8[:,:,::1], f8[:,::1])")
 def internal_forces(slopes, slots, gradient, axes, volume, law, stress, forces):
-    """Adds int P Grad N dV_0 to ``forces`` (s, 3), P = F S; ``stress`` (m, g, 5) becomes J w S (xx, yy, xy, xz, yz, zz)."""
+    """Adds int P Grad N dV_0 to ``forces`` (s, 3), P = F S; ``stress`` (m, g, 6) becomes J w S (xx, yy, xy, xz, yz, zz)."""
     points = volume.shape[1]
     piola, found = np.empty((3 * points, 3)), np.empty((16, 3))
     h, f = np.empty((3, 3)), np.empty((3, 3))
