@@ -22,6 +22,6 @@ with logged(snakemake.log[0]) as log:  # noqa: F821
     with solving(folder):
         status = restore(case, folder, recovery)
         if status is None:
-            status = solve_case(case, Path(snakemake.input.mesh), folder, settings)  # noqa: F821
+            status = solve_case(case, Path(snakemake.input.mesh), folder, settings, [*map(Path, snakemake.input.fit)])  # noqa: F821
             keep(folder)
     log.info("%s %s after %.0f s of CPU time", status["status"], status["reason"], status["solver_cpu_seconds"])

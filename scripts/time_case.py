@@ -13,5 +13,5 @@ with logged(snakemake.log[0]):  # noqa: F821
     case, chosen = Case.from_dict(snakemake.params.case), snakemake.config["solving"]  # noqa: F821
     status = read_json(Path(snakemake.input.status))  # noqa: F821
     settings = EngineSettings(Solver.model_validate(chosen["solver"]), Path(chosen["command"]))
-    times = cpu_times(case, Path(snakemake.input.mesh), status, settings)  # noqa: F821
+    times = cpu_times(case, Path(snakemake.input.mesh), status, settings, [*map(Path, snakemake.input.fit)])  # noqa: F821
     write_json(Path(snakemake.output[0]), {"cpu_seconds": times})  # noqa: F821

@@ -47,6 +47,13 @@ def mesh_of_case(wildcards):
     return RESULTS.mesh(case_of(wildcards).mesh_id)
 
 
+def fit_of_case(wildcards):
+    """The mesh, case and frames at whose state at rest the case that a path names begins; nothing where it begins flat."""
+    fit = case_of(wildcards).fit
+    files = RESULTS.case(fit.case_id) if fit else None
+    return [RESULTS.mesh(fit.mesh_id), files.described, files.frames] if fit else []
+
+
 def attempt_seconds(case_id):
     """How long an attempt at a case may take: the limit of the stress test holds for what no study asks for."""
     test, limit = PROJECT.config.stress_test, PROJECT.config.solver.time_limit

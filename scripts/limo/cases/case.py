@@ -22,7 +22,8 @@ class Case:
 
     Pressures in kPa. ``frames`` are the pressures (kPa) whose displacements are kept; they do not belong to the identity.
     ``build`` names the build of the engine, so that results of two builds lie side by side. ``branch`` is 0 for the flat state
-    as it is. Otherwise it is the seed of a perturbation far below what could be made.
+    as it is. Otherwise it is the seed of a perturbation far below what could be made. ``fit_levels`` are the coarser meshes that
+    ``numerics.newton.fit_on`` names.
     """
 
     device: Device
@@ -40,6 +41,29 @@ class Case:
     engine: str = "calculix"
     build: str = ""
     branch: int = 0
+    fit_levels: tuple[MeshLevel, ...] = ()
+
+    @cached_property
+    def fit(self) -> Case | None:
+        """The case at whose state at rest this one begins: the same on the last of ``fit_levels``, without a ramp; else None."""
+        if not self.fit_levels:
+            return None
+        *before, level = self.fit_levels
+        newton = self.numerics.newton
+        return replace(
+            self,
+            mesh=self.mesh.model_copy(update={"level": newton.fit_on[-1]}),
+            mesh_level=level,
+            numerics=self.numerics.model_copy(update={"newton": newton.model_copy(update={"fit_on": newton.fit_on[:-1]})}),
+            fit_levels=tuple(before),
+            actuation_pressure_max=0.0,
+            frames=(0.0,),
+        )
+
+    @property
+    def fits(self) -> tuple[Case, ...]:
+        """That case, and those before it."""
+        return (self.fit, *self.fit.fits) if self.fit else ()
 
     def mesh_content(self) -> dict[str, Any]:
         """What the mesh depends on: not the pressures, the aspect ratio or any stiffness."""
@@ -52,7 +76,8 @@ class Case:
 
     def content(self) -> dict[str, Any]:
         """What the solution depends on."""
-        return {
+        fitted = {"fit_levels": [level.model_dump(mode="json") for level in self.fit_levels]} if self.fit_levels else {}
+        return fitted | {
             "mesh": self.mesh_content(),
             "element": self.mesh.element,
             "material": self.device.material.model_dump(mode="json"),
@@ -83,14 +108,16 @@ class Case:
     def to_dict(self) -> dict[str, Any]:
         """Plain data from which ``from_dict`` makes the same case again (for passing it between processes)."""
         values = {f.name: getattr(self, f.name) for f in fields(self)}
-        return {k: v.model_dump(mode="json") if hasattr(v, "model_dump") else v for k, v in values.items()}
+        plain = {k: v.model_dump(mode="json") if hasattr(v, "model_dump") else v for k, v in values.items()}
+        return plain | {"fit_levels": [level.model_dump(mode="json") for level in self.fit_levels]}
 
     @classmethod
     def from_dict(cls, data: dict[str, Any]) -> Case:
         """The case that ``to_dict`` described."""
         models = {"device": Device, "mesh": Mesh, "mesh_level": MeshLevel, "numerics": Numerics}
         values = {k: models[k].model_validate(v) if k in models else v for k, v in data.items()}
-        return cls(**{**values, "frames": tuple(values["frames"])})
+        levels = tuple(map(MeshLevel.model_validate, values.get("fit_levels", ())))
+        return cls(**{**values, "frames": tuple(values["frames"]), "fit_levels": levels})
 
     @cached_property
     def mesh_id(self) -> str:

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 from limo.cases.case import Case
 from limo.config.project import Project
 from limo.schema.device import Device
+from limo.schema.numerics import MeshLevel, Numerics
 from limo.schema.section import ENGINES
 from limo.schema.study import Study
 
@@ -73,6 +74,7 @@ class StudyGrid:
         devices = {(name, scale): _scaled(s.device, scale) for name, s in settings.items() for scale in scales}
         # what the engine does not look at is no part of a case: changing it must change nothing that a case is compared by
         numerics = {name: s.numerics.for_engine(s.engine) for name, s in settings.items()}
+        fit_levels = {name: self._fit_levels(each) for name, each in numerics.items()}
         frames = {pressure: tuple(study.frames_for(pressure)) for pressure in study.axes.ventricular_pressure}
         cases = {}
         for point in map(GridPoint._make, product(*self.axes.values())):
@@ -93,6 +95,7 @@ class StudyGrid:
                 engine=setting.engine,
                 build=self.project.builds.get(setting.engine, ""),
                 branch=point.branch,
+                fit_levels=fit_levels[point.variant],
             )
         return MappingProxyType(cases)
 
@@ -110,7 +113,13 @@ class StudyGrid:
     def _by_other_engine(self, point: GridPoint) -> Case:
         case, numerics = self.cases[point], self.project.settings(self.name)[point.variant].numerics
         other = next(engine for engine in ENGINES if engine != case.engine)
-        return replace(case, engine=other, build=self.project.builds.get(other, ""), numerics=numerics.for_engine(other))
+        seen = numerics.for_engine(other)
+        build, levels = self.project.builds.get(other, ""), self._fit_levels(seen)
+        return replace(case, engine=other, build=build, numerics=seen, fit_levels=levels)
+
+    def _fit_levels(self, numerics: Numerics) -> tuple[MeshLevel, ...]:
+        """The meshes on which a device is fitted before its own."""
+        return tuple(self.project.config.mesh_levels[name] for name in numerics.newton.fit_on)
 
 
 def study_grid(project: Project, name: str) -> StudyGrid:

@@ -7,7 +7,7 @@ stops earlier, so one solve serves both. A study says how far this may go (``reu
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -60,10 +60,11 @@ class _Group:
 class Plan:
     """The cases that serve a configuration.
 
-    ``cases`` by id, with the frames they keep; ``to_solve``, the ids among them that are not on disk as they are wanted;
-    ``served``, by study and grid point the id of the case that stands for it; ``checks``, the same of the other engine's cases
-    that a study is compared with; ``wanted``, what is measured of each; ``solved``, all cases on disk; ``damaged``, those whose
-    files are, and since when; ``ladders``, digests of the recovery ladders by engine.
+    ``cases`` by id, with the frames they keep, and those at whose states at rest others begin; ``to_solve``, the ids among
+    them that are not on disk as they are wanted; ``served``, by study and grid point the id of the case that stands for it;
+    ``checks``, the same of the other engine's cases that a study is compared with; ``wanted``, what is measured of each;
+    ``solved``, all cases on disk; ``damaged``, those whose files are, and since when; ``ladders``, digests of the recovery
+    ladders by engine.
     """
 
     cases: dict[str, Case]
@@ -87,8 +88,8 @@ class Plan:
         return self.solved[case_id].next_recovery(ladder) if case_id in self.solved else f"{ladder}-0"
 
     def with_cases(self, cases: Iterable[Case]) -> Plan:
-        """The same plan and cases that no study asks for, each served by itself."""
-        added = {case.case_id: case for case in cases}
+        """The same plan and cases that no study asks for, with those at whose states they begin; each is served by itself."""
+        added = {each.case_id: each for case in cases for each in (case, *case.fits)}
         to_solve = {
             name
             for name, case in added.items()
@@ -100,6 +101,10 @@ class Plan:
             cases=self.cases | {n: c for n, c in added.items() if n not in self.cases},
             to_solve=self.to_solve | (to_solve - self.cases.keys()),
         )
+
+    def with_fits(self, case_ids: Collection[str]) -> set[str]:
+        """Ids of cases, and of those at whose states at rest they begin."""
+        return {each.case_id for name in case_ids for each in (self.cases[name], *self.cases[name].fits)}
 
     def serving(self, name: str) -> list[str]:
         """Ids of the cases that serve a study, one for each point in the order of its grid."""
@@ -134,9 +139,11 @@ def make_plan(project: Project, results: Path = Path("results")) -> Plan:
     for group in sorted(groups.every, key=lambda group: group.order):
         choice.serve(group)
     cases = {n: replace(c, frames=tuple(sorted(choice.frames[n]))) if n in choice.frames else c for n, c in choice.used.items()}
+    fits = {fit.case_id: fit for case in cases.values() for fit in case.fits}
     served, checks = choice.serving(members), choice.serving(twins)
     wanted = wanted_cases(project, served=served)
-    return Plan(cases, frozenset(choice.frames), served, checks, wanted, solved, damaged, ladders)
+    plan = Plan(cases, frozenset(choice.frames), served, checks, wanted, solved, damaged, ladders)
+    return plan.with_cases(fits.values()) if fits else plan
 
 
 class _Groups:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
-from itertools import product
+from itertools import pairwise, product
 from pathlib import Path
 from typing import get_args
 
@@ -22,7 +22,7 @@ from limo.schema.config import PRESET_KEYS, Config
 from limo.schema.device import Device, Material
 from limo.schema.element import element as find_element
 from limo.schema.figures import FIGURES, MEASURED, NEEDS
-from limo.schema.numerics import Numerics
+from limo.schema.numerics import MeshLevel, Numerics
 from limo.schema.section import ENGINES, ElementName
 from limo.schema.solver import Rung
 from limo.schema.study import ROLES, Study, Variant
@@ -155,6 +155,7 @@ def checked_setting(known: Known, path: Path, study: Study, name: str, variant: 
     if find_element(setting.mesh.element).is_shell:
         check_shells(path, study, prefix, setting)
     check_engines(path, study, prefix, setting)
+    check_fit(path, known.config.mesh_levels, prefix, setting)
     return setting
 
 
@@ -205,6 +206,19 @@ def check_engines(path: Path, study: Study, prefix: str, setting: Setting) -> No
     if find_element(element).plane_stress and levers.geometric_stiffness != "consistent":
         key, expected = f"{prefix}numerics.newton.geometric_stiffness", f"consistent with element {element}"
         raise ConfigError(path, key, levers.geometric_stiffness, expected, "geometric_stiffness: consistent")
+
+
+def check_fit(path: Path, levels: Mapping[str, MeshLevel], prefix: str, setting: Setting) -> None:
+    """The meshes on which a device is fitted first are there, each finer than the one before, and coarser than its own."""
+    key, names = f"{prefix}numerics.newton.fit_on", setting.numerics.for_engine(setting.engine).newton.fit_on
+    for name in names:
+        check_name(path, key, name, levels, listed=True)
+    sizes = [levels[name].degrees_of_freedom for name in (*names, setting.mesh.level)]
+    if any(second <= first for first, second in pairwise(sizes)):
+        expected = f"mesh levels from coarse to fine, all coarser than {setting.mesh.level} of the study"
+        coarser = [name for name, level in levels.items() if level.degrees_of_freedom < sizes[-1]]
+        example = min(coarser, key=lambda name: levels[name].degrees_of_freedom, default="")
+        raise ConfigError(path, key, names, expected, f"fit_on: [{example}]")
 
 
 def _other_elements(engines: Collection[str], element: str, symmetry: str) -> list[str]:

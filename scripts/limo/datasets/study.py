@@ -131,7 +131,7 @@ def read_case(case: Case, files: CaseFiles, pressures: np.ndarray) -> tuple[Solv
         "dissipated_fraction": status.dissipated_fraction,
         "rest_change": status.rest_change,
         "actuation_pressure_reached": reached,
-        "solver_time": status.solver_cpu_seconds,
+        "solver_time": None if status.solver_cpu_seconds is None else status.fit_cpu_seconds + status.solver_cpu_seconds,
         "python_time": status.python_cpu_seconds,
         "iterations": status.iterations,
         "solver_memory": status.solver_memory_mib,

@@ -43,7 +43,7 @@ VARIABLES = {
     "dissipated_fraction": Variable(CASE_DIMS, "1", "share of the actuation work over the ramp that damping took"),
     "rest_change": Variable(CASE_DIMS, "1", "relative change of V_v over the last part of the hold"),
     "actuation_pressure_reached": Variable(CASE_DIMS, "kPa", "highest actuation pressure of an accepted increment"),
-    "solver_time": Variable(CASE_DIMS, "s", "CPU time of the solver"),
+    "solver_time": Variable(CASE_DIMS, "s", "CPU time of the solver, fits on coarser meshes included"),
     "python_time": Variable(CASE_DIMS, "s", "CPU time of deck, volumes and files"),
     "iterations": Variable(CASE_DIMS, "1", "Newton iterations, rejected attempts included"),
     "solver_memory": Variable(CASE_DIMS, "MiB", "peak resident memory of the solver"),

@@ -88,10 +88,18 @@ class Engine(Protocol):
     def builds(self) -> dict[str, Build]:
         """The builds of this machine by name, where an engine may have several; else none."""
 
-    def solve(self, model: Model, folder: Path, settings: EngineSettings, after: LoadPath | None = None) -> LoadPath:
+    def solve(
+        self,
+        model: Model,
+        folder: Path,
+        settings: EngineSettings,
+        after: LoadPath | None = None,
+        start: np.ndarray | None = None,
+    ) -> LoadPath:
         """The load path of a model, in an empty folder. Never raises for a model that does not converge.
 
-        ``after``: path of the same model with other limits, which an engine that can carries on.
+        ``after``: path of the same model with other limits, which an engine that can carries on. ``start`` (n, 3) in mm: a state
+        with the valve fitted and P_v on, from which one that can begins instead of the flat one.
         """
 
     def inflate(self, model: Model, levels: Sequence[float], folder: Path, settings: EngineSettings) -> LoadPath:

@@ -46,6 +46,7 @@ def part_energy_and_extremes(model: Model, displacements: np.ndarray) -> tuple[f
         return energy_and_extremes(layer.nodes, layer.bricks, moved, model.youngs_modulus, model.fabric.poisson_ratio, points)
     local, weights = gauss(model.element.gauss_points, 3)
     deformation, jacobian = deformation_gradient(layer.nodes, layer.bricks, displacements, local)
+    deformation = deformation @ shell.layer_axes(model, local)
     density = shell.energy_density(green_lagrange(deformation), shell.stiffness(model))
     layered = shell.thinned(deformation, model.fabric.poisson_ratio)
     energy = float(np.einsum("mg,mg,g->", density, jacobian, weights))

@@ -33,7 +33,9 @@ def internal_forces(model: Model, displacements: np.ndarray, source: object = "f
     layer = model.expansion
     if model.element.plane_stress:
         deformation, _ = deformation_gradient(layer.nodes, layer.bricks, displacements, local)
-        stress = shell.second_piola_kirchhoff(green_lagrange(deformation), shell.stiffness(model))
+        axes = shell.layer_axes(model, local)
+        along = shell.second_piola_kirchhoff(green_lagrange(deformation @ axes), shell.stiffness(model))
+        stress = axes @ along @ np.swapaxes(axes, -1, -2)
     else:
         state: LayerState = layer_state(model, displacements, local, source)
         deformation, stress = state.deformation, state.second_piola

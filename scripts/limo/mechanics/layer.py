@@ -97,7 +97,8 @@ def layer_state(model: Model, displacements: np.ndarray, local: np.ndarray, sour
         )
     deformation, _ = deformation_gradient(layer.nodes, layer.bricks, u, local)
     if model.element.plane_stress:
-        deformation = shell.thinned(deformation, model.fabric.poisson_ratio)
+        axes = shell.layer_axes(model, local)
+        deformation = shell.thinned(deformation @ axes, model.fabric.poisson_ratio) @ np.swapaxes(axes, -1, -2)
     determinant = np.linalg.det(deformation).min(axis=1)
     if (determinant <= 0).any():
         element = int(np.argmin(determinant))

@@ -14,7 +14,7 @@ layer is thick have nearly s = 1. With s = 1 on larger ones, folds that the mesh
 Vihinen (1993), *Comput. Methods Appl. Mech. Eng.* 110, 343-357, weaken the shear of plates like this. The measured choice of c is
 in docs/accuracy.md.
 
-Units: mm, N, MPa. Layers lie in planes of constant z.
+Units: mm, N, MPa. Layers need not be flat: strains and stresses are taken along axes of each point.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ import numpy as np
 
 from limo.mechanics.constitutive import plane_stress
 from limo.mechanics.model import Model
-from limo.mesh.elements import gauss, quad8_shape
+from limo.mesh.elements import gauss, hex20_shape, quad8_shape
 
 #: c
 WEAKENING = 0.05
@@ -47,6 +47,24 @@ def _areas(model: Model) -> np.ndarray:
     return np.linalg.norm(np.cross(tangents[:, :, 0], tangents[:, :, 1]), axis=-1) @ weights
 
 
+def axes_of(jacobian: np.ndarray) -> np.ndarray:
+    """Axes (m, g, 3, 3), as columns, of layers with dX_k / dxi_d (m, g, 3, 3): x as it lies in the layer, and its normal."""
+    normal = np.cross(jacobian[..., 0], jacobian[..., 1])
+    normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
+    first = np.eye(3)[0] - normal * normal[..., :1]
+    steep = np.abs(normal[..., 0]) > 0.9  # there y
+    first[steep] = (np.eye(3)[1] - normal * normal[..., 1:2])[steep]
+    first /= np.linalg.norm(first, axis=-1, keepdims=True)
+    return np.ascontiguousarray(np.stack([first, np.cross(normal, first), normal], axis=-1))
+
+
+def layer_axes(model: Model, local: np.ndarray) -> np.ndarray:
+    """The same of a model's elements at local points (g, 3)."""
+    layer = model.expansion
+    _, slopes = hex20_shape(local)
+    return axes_of(np.einsum("gnd,mnk->mgkd", slopes, layer.nodes[layer.bricks]))
+
+
 def second_piola_kirchhoff(strain: np.ndarray, law: np.ndarray) -> np.ndarray:
     """S (m, g, 3, 3) in MPa of strains (m, g, 3, 3) along the layer's axes by ``stiffness`` (m, 10); what holds directors too."""
     xx, yy, xy = strain[..., 0, 0], strain[..., 1, 1], 2 * strain[..., 0, 1]
@@ -68,7 +86,7 @@ def energy_density(strain: np.ndarray, law: np.ndarray) -> np.ndarray:
 
 
 def thinned(deformation: np.ndarray, poisson_ratio: float) -> np.ndarray:
-    """F (..., 3, 3) of an isotropic layer that is at right angles to itself and thinned by plane stress.
+    """F (..., 3, 3), columns along the layer's axes, of an isotropic layer at right angles to itself and thinned by plane stress.
 
     The first two columns stay. The third one is the normal times sqrt(1 + 2 E_33), E_33 = -nu / (1 - nu) (E_11 + E_22), with
     which the law in three dimensions gives S_33 = 0 and S_ab as ``second_piola_kirchhoff``.

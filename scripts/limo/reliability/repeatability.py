@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import hashlib
 import tempfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -27,6 +27,7 @@ from limo.mesh.layers import DeviceMesh
 from limo.reliability.perturbation import jittered, mirrored, renumbered, rotated
 from limo.schema.numerics import Mesh, MeshLevel
 from limo.schema.solver import Solver
+from limo.solve.beginning import beginning
 from limo.solve.case import follow
 
 KINDS = ("same", "build", "branch", "mesh")
@@ -85,19 +86,24 @@ def measure(loaded: Project, engine: str, kinds: tuple[str, ...] = KINDS, maximu
             yield run("mesh", name, make())
 
 
-def cpu_times(case: Case, mesh_file: Path, status: Mapping[str, Any], settings: EngineSettings) -> list[float]:
+def cpu_times(
+    case: Case, mesh_file: Path, status: Mapping[str, Any], settings: EngineSettings, fit: Sequence[Path] = ()
+) -> list[float]:
     """CPU seconds of the solver of a solved case, and of a short one those of further solves, ``TIMES`` together.
 
-    A case that took ``SHORT`` or longer, or several attempts, is not solved again. ``status`` is what its solve left.
+    With those of the case at whose state it begins, whose files are ``fit``, and of that one's. A case that took ``SHORT`` or
+    longer, or several attempts, is not solved again. ``status`` is what its solve left.
     """
-    seconds = [float(status["solver_cpu_seconds"])]
+    before = float(status.get("fit_cpu_seconds", 0.0))
+    seconds = [before + float(status["solver_cpu_seconds"])]
     if seconds[0] >= SHORT or len(status["attempts"]) > 1:
         return seconds
     model = build_model(case, read_mesh(mesh_file, case.mesh.symmetry))
     engine = find_engine(case.engine)
+    start = beginning(case, fit).on(model)
     while len(seconds) < TIMES:
-        with tempfile.TemporaryDirectory() as folder, engine.solve(model, Path(folder), settings) as path:
-            seconds.append(round(path.cpu_seconds, 2))
+        with tempfile.TemporaryDirectory() as folder, engine.solve(model, Path(folder), settings, start=start) as path:
+            seconds.append(round(before + path.cpu_seconds, 2))
     return seconds
 
 

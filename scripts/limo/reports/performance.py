@@ -78,7 +78,7 @@ def _row(case: Case, files: CaseFiles) -> dict:
         "factorisations": status.get("factorisations"),
         "factor_seconds": status.get("factor_seconds"),
         "setup_seconds": status.get("setup_seconds"),
-        "cpu_seconds": status["solver_cpu_seconds"],
+        "cpu_seconds": status.get("fit_cpu_seconds", 0.0) + status["solver_cpu_seconds"],
         "python_seconds": status["python_cpu_seconds"],
         "wall_seconds": status["solver_wall_seconds"],
         "memory_mib": status["solver_memory_mib"],

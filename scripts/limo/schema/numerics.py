@@ -15,6 +15,10 @@ Precision = Literal["single", "double"]
 GeometricStiffness = Literal["consistent", "mixed"]
 
 
+#: largest multiple of P_v by which a device is fitted
+MOST_VIA = 100.0
+
+
 #: displacements of the largest mesh
 LARGEST_MESH = 5_000_000
 
@@ -83,6 +87,19 @@ class Newton(Section):
     """Limits of the engine newton, which goes from equilibrium to equilibrium without time."""
 
     fit_steps: int = Field(10, ge=1, le=1000, description="equilibria from the flat state to the fitted one", examples=[10])
+    fit_on: list[str] = Field(
+        [],
+        max_length=5,
+        description="entries of mesh_levels on which a device is fitted first, from coarse to fine, all coarser than the study's",
+        examples=[["preview", "coarse"]],
+    )
+    fit_via: list[float] = Field(
+        [1.0],
+        min_length=1,
+        max_length=8,
+        description="ways of the first fit: to these multiples of P_v and back by halves; the state of least energy is kept",
+        examples=[[1, 3, 10]],
+    )
     load_step: float = Field(1.0, gt=0, le=100, description="kPa between the equilibria of the ramp", examples=[1.0])
     easy_steps: int = Field(
         4,
@@ -123,16 +140,21 @@ class Newton(Section):
             raise ValueError("rejected_step no smaller than largest_step")
         if self.first_shift < self.smallest_shift:
             raise ValueError("first_shift no smaller than smallest_shift")
+        if min(self.fit_via) < 1 or max(self.fit_via) > MOST_VIA or len(set(self.fit_via)) < len(self.fit_via):
+            raise ValueError(f"fit_via from 1 to {MOST_VIA:g}, each once")
         return self
 
     def content(self) -> dict[str, Any]:
-        """Plain data by which results are named, without the keys of ``LATER`` that have their defaults."""
-        plain = self.model_dump(mode="json")
+        """Plain data by which results are named, without the keys of ``LATER`` that have their defaults.
+
+        The meshes of ``fit_on`` are told by what they are, not by their names (``Case.content``).
+        """
+        plain = self.model_dump(mode="json", exclude={"fit_on"})
         return {key: value for key, value in plain.items() if key not in LATER or value != Newton.model_fields[key].default}
 
 
 #: keys of ``Newton`` that came when results had names already, which they are to keep
-LATER = ("factor_precision", "geometric_stiffness")
+LATER = ("factor_precision", "geometric_stiffness", "fit_via")
 
 
 class Numerics(Section):

@@ -27,6 +27,7 @@ from limo.mesh.file import read_mesh, write_mesh
 from limo.mesh.layers import DeviceMesh
 from limo.schema.section import STAGES
 from limo.schema.solver import Limits, Rung
+from limo.solve.beginning import Beginning, beginning
 from limo.solve.harvest import energy_balance, harvest, rest
 from limo.solve.judge import measure, verdict
 from limo.solve.ladder import CONFIGURED, climb
@@ -69,14 +70,16 @@ class Attempt:
         return self.status in USABLE, self.status == "converged", self.summary["actuation_pressure_reached"]
 
 
-def solve_case(case: Case, mesh_file: Path, folder: Path, settings: SolveSettings) -> dict[str, Any]:
+def solve_case(case: Case, mesh_file: Path, folder: Path, settings: SolveSettings, fit: Sequence[Path] = ()) -> dict[str, Any]:
     """Solve ``case`` and write ``case.json``, ``status.json``, ``volumes.nc``, ``frames.nc`` into ``folder``; returns the status.
 
+    ``fit``: of the case at whose state at rest it begins the mesh's file, and those of the solved case.
     The engine runs in ``folder/run``: large files of its own are removed, deck, log and .sta stay. While a case fails, the
     rungs of the ladder are climbed one after the other; the best attempt is kept, and all of them are in the status.
     """
-    attempts, best = _climbed(case, read_mesh(mesh_file, case.mesh.symmetry), folder, settings)
-    summary = _summary(case, attempts, best, settings)
+    began = beginning(case, fit)
+    attempts, best = _climbed(case, read_mesh(mesh_file, case.mesh.symmetry), folder, settings, began)
+    summary = _summary(case, attempts, best, settings) | began.summary
     summary["files"] = {name: stamp_of(folder / name) for name in _write(case, best, summary, folder)}
     # of this process, start and imports included
     in_process = sum(attempt.path.cpu_seconds for attempt in attempts if attempt.path.in_process)
@@ -88,9 +91,11 @@ def solve_case(case: Case, mesh_file: Path, folder: Path, settings: SolveSetting
     return summary
 
 
-def _climbed(case: Case, mesh: DeviceMesh, folder: Path, settings: SolveSettings) -> tuple[list[Attempt], Attempt]:
+def _climbed(
+    case: Case, mesh: DeviceMesh, folder: Path, settings: SolveSettings, began: Beginning
+) -> tuple[list[Attempt], Attempt]:
     """All attempts at a case in their order, of which only the last keeps its datasets, and the best one."""
-    attempts = [_attempt(CONFIGURED, case, mesh, folder, settings)]
+    attempts = [_attempt(CONFIGURED, case, mesh, folder, settings, began)]
     best = attempts[0]
     for rung in settings.rungs:
         before = attempts[-1]
@@ -100,7 +105,7 @@ def _climbed(case: Case, mesh: DeviceMesh, folder: Path, settings: SolveSettings
             continue
         # a path is one of a mesh
         after = before.path if following[1] is before.mesh else None
-        attempts.append(_attempt(rung.name, *following, folder, settings, after))
+        attempts.append(_attempt(rung.name, *following, folder, settings, began, after))
         best = max(best, attempts[-1], key=lambda attempt: attempt.standing)
         attempts[:-1] = [replace(a, history=None, frames=None) for a in attempts[:-1]]
     return attempts, best
@@ -127,7 +132,13 @@ def _began(path: LoadPath) -> bool:
 
 
 def _attempt(
-    rung: str, case: Case, mesh: DeviceMesh, folder: Path, settings: SolveSettings, after: LoadPath | None = None
+    rung: str,
+    case: Case,
+    mesh: DeviceMesh,
+    folder: Path,
+    settings: SolveSettings,
+    began: Beginning,
+    after: LoadPath | None = None,
 ) -> Attempt:
     """Solve a case once in an empty ``folder/run``, and judge it. ``after``: path of the attempt before, to carry on from."""
     run_folder = folder / "run"
@@ -138,7 +149,7 @@ def _attempt(
         write_json(run_folder / NUMERICS, case.numerics.model_dump(mode="json"))
     model = build_model(case, mesh)
     log.info("%s, %s: %d elements, %d equations or more", case.case_id, rung, len(mesh.quads), 3 * len(model.nodes))
-    with find_engine(case.engine).solve(model, run_folder, settings, after) as path:
+    with find_engine(case.engine).solve(model, run_folder, settings, after, began.on(model)) as path:
         history, frames, problem = harvest(model, path)
     status, reason = path.status, path.reason
     if problem:

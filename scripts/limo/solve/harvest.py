@@ -56,6 +56,8 @@ def harvest(model: Model, path: LoadPath) -> tuple[xr.Dataset, xr.Dataset, str]:
     """
     increments = _increments(model, path)
     history = _history(path, increments.volumes, increments.states)
+    if increments.states:
+        history["potential_energy"] = _potential_energy(history, model.loading.ventricular_pressure)
     frames = _Frames() if increments.is_damaged else _frames(model, path, history)
     return history, _frames_dataset(model, path, frames), frames.problem or increments.problem
 
@@ -227,6 +229,16 @@ def _history(path: LoadPath, volumes: list[tuple[float, ...]], states: Sequence[
             "solver_time": ("increment", clock, {"units": "s", "long_name": "time on the solver's clock"}),
         },
     )
+
+
+def _potential_energy(history: xr.Dataset, ventricular_pressure: float) -> xr.DataArray:
+    """Pi = U - P_v V_v - P_a V_a (kPa ml = mJ), of full pressure P_v: NaN in the fit, which brings it on."""
+    of_pressures = (
+        ventricular_pressure * history.ventricle_volume_conjugate
+        + history.actuation_pressure * history.actuation_volume_conjugate
+    )
+    energy = (history.strain_energy - of_pressures).where(history.stage != STAGES.index("fit"))
+    return energy.assign_attrs(units="mJ", long_name="potential energy of the full device, Pi = U - P_v V_v - P_a V_a")
 
 
 def rest(history: xr.Dataset, tolerance: float) -> dict:

@@ -46,7 +46,8 @@ class AttemptStatus(_Plain):
 class SolveStatus(_Plain):
     """How a solve ended: what ``status.json`` holds.
 
-    ``status`` is one of ``ENDED``; pressures in kPa, times in s, memory in MiB. ``attempts``: all climbs of the ladder.
+    ``status`` is one of ``ENDED``; pressures in kPa, times in s, memory in MiB. ``fit_cpu_seconds`` were spent on coarser meshes
+    for the state at which it began. ``attempts``: all climbs of the ladder.
     ``recovery``: what the solve is called (``Plan.recovery_of``). ``interrupted``: something outside broke it off.
     ``files``: stamps of what it wrote. None and empty stand for what an older or fabricated status does not say.
     """
@@ -70,6 +71,7 @@ class SolveStatus(_Plain):
     solver: dict[str, Any] = {}
     threads: Count | None = None
     solver_cpu_seconds: float | None = None
+    fit_cpu_seconds: float = 0.0
     solver_wall_seconds: float | None = None
     solver_memory_mib: float | None = None
     python_cpu_seconds: float | None = None

@@ -39,25 +39,25 @@ def plan_table(config_file: str, names: Sequence[str], results: Path, cores: int
     for name in names or loaded.studies:
         own_cases, serving = study_cases(loaded, name), plan.served[name]
         cases = set(serving.values())
-        left = cases & plan.to_solve
+        left, begun = cases & plan.to_solve, plan.with_fits(cases) & plan.to_solve
         together |= cases
         others = sum(serving[key] != case.case_id for key, case in own_cases.items())
         parts = [
             f"{len(cases)} cases on {len({plan.cases[c].mesh_id for c in cases})} meshes",
             f"{len(cases - left)} solved",
             *([f"{others} of {len(own_cases)} served by a case beyond them"] if others else []),
-            *([f"{len(left)} to solve in {duration(sum(costs[c] for c in left))} of CPU time"] if left else []),
+            *([f"{len(left)} to solve in {duration(sum(costs[c] for c in begun))} of CPU time"] if left else []),
         ]
         default = "  (default)" if name in loaded.config.studies else ""
         lacking = [engine for engine in loaded.engines_of(name) if engine not in loaded.builds]
         lines.append(f"  {name}: {', '.join(parts)}" + default + "".join(f"  (no {engine} here)" for engine in lacking))
-    left = together & plan.to_solve
-    wall = duration(schedule((costs[c] for c in left), max(cores // loaded.config.solver.threads, 1)))
+    left, begun = together & plan.to_solve, plan.with_fits(together) & plan.to_solve
+    wall = duration(schedule((costs[c] for c in begun), max(cores // loaded.config.solver.threads, 1)))
     total = f"  together {len(together)} distinct cases, {len(left)} to solve"
     if left:
         largest = max(memory_mib(plan.cases[c]) for c in left)
         total += (
-            f" in {duration(sum(costs[c] for c in left))} of CPU time, about {wall} on {cores} cores, {largest:.0f} MiB a case"
+            f" in {duration(sum(costs[c] for c in begun))} of CPU time, about {wall} on {cores} cores, {largest:.0f} MiB a case"
         )
     lines.append(total)
     return "\n".join([*lines, *check_files(loaded, names or loaded.studies)])

@@ -49,8 +49,10 @@ def builds() -> dict[str, Build]:
     return builds
 
 
-def solve(model: Model, folder: Path, settings: EngineSettings, after: LoadPath | None = None) -> LoadPath:
-    """The load path of a model, begun anew: CalculiX cannot carry on from ``after``. Its files stay in ``folder``."""
+def solve(
+    model: Model, folder: Path, settings: EngineSettings, after: LoadPath | None = None, start: np.ndarray | None = None
+) -> LoadPath:
+    """The load path of a model, begun anew: CalculiX carries on from nothing. Its files stay in ``folder``."""
     from limo.engines.calculix import run
 
     return run.solve(model, folder, settings.solver, settings.command)

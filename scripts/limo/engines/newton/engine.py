@@ -42,14 +42,19 @@ def builds() -> dict[str, Build]:
     return {}
 
 
-def solve(model: Model, folder: Path, settings: EngineSettings, after: LoadPath | None = None) -> LoadPath:
-    """The load path of a model of bricks, carried on from ``after``. Nothing is written into ``folder``."""
+def solve(
+    model: Model, folder: Path, settings: EngineSettings, after: LoadPath | None = None, start: np.ndarray | None = None
+) -> LoadPath:
+    """The load path of a model of bricks or shells, carried on from ``after`` or from the state ``start``.
+
+    Nothing is written into ``folder``.
+    """
     from limo.engines.newton.build import require_packages
 
     require_packages()
     from limo.engines.newton import iteration
 
-    return iteration.solve(model, settings.solver, after=after)
+    return iteration.solve(model, settings.solver, start, after)
 
 
 def inflate(model: Model, levels: Sequence[float], folder: Path, settings: EngineSettings) -> LoadPath:

@@ -41,6 +41,7 @@ from limo.engines.newton.refined import RefinedSolver
 from limo.engines.newton.shell import Directors, ShellAssembly, ShellTangent
 from limo.engines.newton.tangent import Tangent
 from limo.engines.newton.unknowns import Unknowns, displacements, means
+from limo.mechanics.energy import conjugate_volumes, stored_energy
 from limo.mechanics.model import Model
 from limo.schema.numerics import Newton
 from limo.schema.section import STAGES
@@ -69,6 +70,8 @@ SMALLEST_VOLUME, LARGEST_GROWTH = 0.7, 0.25
 #: the share they keep where no step leaves them more: in snaps of single creases elements come down to 0.44 and recover, and
 #: fabric that is stretched until its law gives way thins to that
 LEAST_VOLUME = 0.2
+#: first steps from the state of another mesh in which elements may lose what they like: it has creases where it cannot fold
+UNGUARDED = 3
 #: shares of a step that are tried before the shift is raised
 CUTS = (1.0, 0.5, 0.25, 0.125)
 TINY = np.finfo(float).tiny
@@ -102,9 +105,9 @@ def solve(model: Model, solver: Solver, start: np.ndarray | None = None, after: 
     """Carry a model through fit and ramp; a state at rest stands between them, so the hold takes no time.
 
     ``start`` (n, 3) in mm, a state with the valve fitted and P_v on, takes the place of the fit; it may lack the reference
-    nodes. ``after``, a path of the same model with other limits that ended at rest or later, is carried on from its last
-    equilibrium; it is part of the path that is returned, its costs are not. Never raises for a model that does not converge:
-    what was accepted is in the path, with status and reason.
+    nodes, and where no equilibrium is found from there the fit begins flat. ``after``, a path of the same model with other
+    limits that ended at rest or later, is carried on from its last equilibrium; it is part of the path that is returned, its
+    costs are not. Never raises for a model that does not converge: what was accepted is in the path, with status and reason.
     """
     began, used = time.monotonic(), _cpu_seconds()
     set_threads(solver.threads)
@@ -166,6 +169,9 @@ class _Run:
         self._placed: tuple[np.ndarray, float, np.ndarray] | None = None
         self._known: tuple | None = None
         self._floor = SMALLEST_VOLUME
+        self._unguarded = 0  # steps that may still crush elements
+        self.fell_back = ""
+        self.ways: list[dict[str, Any]] = []
 
     def close(self) -> None:
         self.solver.close()
@@ -181,21 +187,92 @@ class _Run:
             "factor_seconds": round(self.solver.seconds, 2),
             "factor_memory_mib": round(self.solver.memory),
             "largest_residual": max(self.residuals, default=None),
+            **({"not_begun_at": self.fell_back} if self.fell_back else {}),
+            **({"ways": self.ways} if self.ways else {}),
         }
 
     def travel(self, start: np.ndarray | None, after: LoadPath | None) -> None:
         """Fit, rest and ramp, as ``solve`` says. Raises ``_StopError`` where the path ends before, and ``FactorisationError``."""
-        settings, ventricular = self.settings, self.model.loading.ventricular_pressure
         if after is not None and (after.stage >= HOLD).any():
             self.carry_on(after)
         else:
-            if start is not None:
-                self.start_from(start)
-            else:
-                for share in np.arange(1, settings.fit_steps + 1) / settings.fit_steps:
-                    self.advance(FIT, share, share * ventricular, 0.0)
-            self.advance(HOLD, 1.0, ventricular, 0.0)
+            if start is None or not self.begun_at(start):
+                self.fit()
         self.ramp()
+
+    def begun_at(self, start: np.ndarray) -> bool:
+        """Come to rest from a state of the fitted device; False where that fails, all but the costs as before."""
+        self.start_from(start)
+        self._unguarded = UNGUARDED
+        try:
+            self.advance(HOLD, 1.0, self.model.loading.ventricular_pressure, 0.0)
+        except _StopError as stop:
+            if stop.status != "diverged":
+                raise
+            log.info("from the state of another mesh: %s; fitted from the flat state", stop.reason)
+            self._unguarded, self.fell_back = 0, stop.reason
+            self._begin_flat()
+            return False
+        self._unguarded = 0
+        return True
+
+    def _begin_flat(self) -> None:
+        """The flat state again; what has been counted stays."""
+        self.state.free, self.state.prescribed = np.zeros(self.assembly.size), 0.0
+        self.state.shift, self.state.last_shift, self._floor = self.settings.first_shift, 0.0, SMALLEST_VOLUME
+
+    def fit(self) -> None:
+        """Valve and P_v brought on by all ways of ``fit_via``; the path goes on from the state of least potential energy.
+
+        A way that finds no equilibrium is left out; where none does, the first one's reason is the path's.
+        """
+        if len(self.settings.fit_via) == 1:
+            self._fit_via(self.settings.fit_via[0])
+            return
+        ways, first = {}, None
+        for via in self.settings.fit_via:
+            try:
+                self._fit_via(via)
+                ways[via] = self._energy_at_rest(), replace(self.state), self._taken_back()
+            except _StopError as stop:
+                if stop.status != "diverged":
+                    raise
+                first = first or (stop, self._taken_back())
+            self.ways.append({"via": via, "potential_energy_mj": round(ways[via][0], 4) if via in ways else None})
+            if via != self.settings.fit_via[-1]:
+                self._begin_flat()
+        if not ways:
+            stop, history = first
+            self._put_back(history)
+            raise stop
+        _, state, history = min(ways.values(), key=lambda way: way[0])  # of equal ones the first
+        self.state.free, self.state.prescribed = state.free, state.prescribed
+        self.state.shift, self.state.last_shift = state.shift, state.last_shift
+        self._put_back(history)
+
+    def _fit_via(self, via: float) -> None:
+        """Valve and ``via`` times P_v in equal steps, P_v back by halves, and rest."""
+        steps, ventricular = self.settings.fit_steps, self.model.loading.ventricular_pressure
+        for share in np.arange(1, steps + 1) / steps:
+            self.advance(FIT, share, share * via * ventricular, 0.0)
+        while via > 1:
+            via = max(1.0, 0.5 * via)
+            self.advance(FIT, 1.0, via * ventricular, 0.0)
+        self.advance(HOLD, 1.0, ventricular, 0.0)
+
+    def _energy_at_rest(self) -> float:
+        """Pi = U - P_v V_v of the full device in mJ."""
+        ventricle = conjugate_volumes(self.model, self.displacements())[0]
+        return stored_energy(self.model, self.displacements()) - 1e-3 * self.model.loading.ventricular_pressure * ventricle
+
+    def _taken_back(self) -> tuple[list, ...]:
+        """What was accepted so far, which is then forgotten."""
+        taken = self.stages, self.pressures, self.kept, self.residuals
+        self.stages, self.pressures, self.kept, self.residuals = [], [], [], []
+        return taken
+
+    def _put_back(self, history: tuple[list, ...]) -> None:
+        self.stages, self.pressures, self.kept, self.residuals = history
 
     def start_from(self, displacements: np.ndarray) -> None:
         self.state.prescribed = 1.0
@@ -363,7 +440,8 @@ class _Run:
                         part = cut * min(1.0, self.largest / max(largest, TINY))
                         free = self.assembly.retracted(state.free + part * step)
                         after = self.assembly.volume_ratios(self.displacements(free, share))
-                        if _whole(before, after, self._floor, growth_limit):
+                        if self._unguarded or _whole(before, after, self._floor, growth_limit):
+                            self._unguarded = max(0, self._unguarded - 1)
                             if state.rejected > refused:
                                 state.last_shift = state.shift
                             elif cut < 1:

@@ -24,7 +24,7 @@ from limo.engines.newton import shell_kernels
 from limo.engines.newton.faces import Faces
 from limo.errors import ResultError
 from limo.mechanics.model import Model
-from limo.mechanics.shell import stiffness
+from limo.mechanics.shell import axes_of, stiffness
 from limo.mesh.elements import HEX20_BOTTOM, HEX20_TOP, gauss, hex20_shape
 
 
@@ -57,7 +57,7 @@ class ShellAssembly:
         _, slopes = hex20_shape(local)
         jacobian = np.einsum("gnd,mnk->mgkd", slopes, shell.nodes[shell.bricks])  # dX_k / dxi_d
         self.volume = np.linalg.det(jacobian) * weights
-        self.axes = _axes(jacobian)
+        self.axes = axes_of(jacobian)
         gradient = np.einsum("gnd,mgdk,mgkl->mgln", slopes, np.linalg.inv(jacobian), self.axes)
         bottom, top = gradient[..., HEX20_BOTTOM], gradient[..., HEX20_TOP]
         middle = bottom + top
@@ -191,17 +191,6 @@ class ShellAssembly:
             shell_kernels.internal_forces(self.slopes(u)[0], *tables, stress, forces)
             self._known = u, forces, stress
         return self._known[1:]
-
-
-def _axes(jacobian: np.ndarray) -> np.ndarray:
-    """Axes (m, g, 3, 3), as columns, of layers with dX_k / dxi_d (m, g, 3, 3): x as it lies in the layer, and its normal."""
-    normal = np.cross(jacobian[..., 0], jacobian[..., 1])
-    normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
-    first = np.eye(3)[0] - normal * normal[..., :1]
-    steep = np.abs(normal[..., 0]) > 0.9  # there y
-    first[steep] = (np.eye(3)[1] - normal * normal[..., 1:2])[steep]
-    first /= np.linalg.norm(first, axis=-1, keepdims=True)
-    return np.ascontiguousarray(np.stack([first, np.cross(normal, first), normal], axis=-1))
 
 
 class Directors:

@@ -1,0 +1,28 @@
+"""A state of a layer of fabric on another mesh of the same flat pattern."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from limo.mechanics.model import Model
+from limo.mesh.transfer import interpolation
+
+
+def carried(source: Model, displacements: np.ndarray, target: Model) -> np.ndarray:
+    """Displacements (n, 3) in mm of the nodes of ``target`` from those of ``source``: its middle surface, and its directors.
+
+    Both are interpolated by shape functions over the flat pattern; directors keep half the thickness for their length, so
+    that the layer has its thickness at rest. Reference nodes of ``target`` have none. Raises ``ResultError`` where the meshes
+    are not of the same pattern.
+    """
+    there, here = source.expansion, target.expansion
+    matrix = interpolation(source.mesh, target.mesh)
+    half = 0.5 * target.fabric.thickness
+    flat = np.array([0.0, 0.0, half])
+    middle = matrix @ (0.5 * (displacements[there.bottom] + displacements[there.top]))
+    directors = matrix @ (0.5 * (displacements[there.top] - displacements[there.bottom]) + flat)
+    directors *= half / np.maximum(np.linalg.norm(directors, axis=1), np.finfo(float).tiny)[:, None]
+    found, corner = np.zeros((len(here.nodes), 3)), here.middle >= 0
+    found[here.bottom], found[here.top] = middle - (directors - flat), middle + (directors - flat)
+    found[here.middle[corner]] = middle[corner]
+    return found
