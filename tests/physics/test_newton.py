@@ -20,8 +20,10 @@ from limo.engines.newton.assembly import Assembly
 from limo.engines.newton.pardiso import SymmetricSolver
 from limo.engines.newton.refined import RefinedSolver
 from limo.mechanics.build import build_model, described
+from limo.mechanics.energy import conjugate_volumes, stored_energy
 from limo.mechanics.equilibrium import residual
 from limo.mechanics.model import Equation, Model, Pressure
+from limo.mechanics.transfer import carried
 from limo.mechanics.volumes import volumes
 from limo.mesh.elements import HEX20
 from limo.schema.solver import Solver
@@ -381,6 +383,52 @@ def test_a_path_with_mixed_stress_is_carried_on_as_if_it_had_not_ended(case):
     begun = newton.solve(short, Solver())
     carried, straight = newton.solve(whole, Solver(), after=begun), newton.solve(whole, Solver())
     assert np.abs(carried.displacements(len(carried.stage) - 1) - straight.displacements(len(straight.stage) - 1)).max() < 1e-4
+
+
+# --- where a path begins --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("element", ["C3D20R", "SHELL8R"])
+def test_from_the_state_of_a_coarser_mesh_a_device_comes_to_rest_in_fewer_steps(case, element):
+    """At an equilibrium of its own mesh, as deep as the one that is found from the flat state or deeper."""
+    coarse, fine = (device(case, 8, 3.8, maximum=1.0, dofs=size, element=element) for size in (6000, 12000))
+    flat = newton.solve(fine, Solver())
+    begun = newton.solve(fine, Solver(), start=carried(coarse, solved(coarse)[1], fine))
+    assert (flat.status, begun.status, begun.details.get("not_begun_at")) == ("converged", "converged", None)
+    assert begun.iterations["fit"] == 0
+    assert begun.iterations["hold"] < 0.5 * flat.iterations["fit"]
+    energies = [path_energy(fine, path) for path in (flat, begun)]
+    assert energies[1] < energies[0] + 1e-3 * abs(energies[0])
+    assert residual(fine, begun.displacements(0), 0.0, precision="float64").full < 1e-3
+
+
+def test_where_no_rest_is_found_from_a_state_the_fit_begins_flat(case):
+    """With the path that it has without one."""
+    model = device(case, 8, maximum=1.0)
+    broken = np.random.default_rng(2).normal(0.0, 0.2 * model.length, model.nodes.shape)
+    begun, flat = newton.solve(model, Solver(), start=broken), newton.solve(model, Solver())
+    assert begun.status == "converged"
+    assert begun.details["not_begun_at"]
+    assert np.array_equal(begun.displacements(0), flat.displacements(0))
+    assert (begun.pressure == flat.pressure).all()
+
+
+def test_of_several_ways_to_rest_the_lowest_is_kept(case):
+    ways = (1.0, 3.0, 10.0)
+    alone = {via: newton.solve(device(case, 6, maximum=0.5, newton={"fit_via": [via]}), Solver()) for via in ways}
+    model = device(case, 6, maximum=0.5, newton={"fit_via": list(ways)})
+    together = newton.solve(model, Solver())
+    energies = {via: path_energy(model, path) for via, path in alone.items()}
+    assert {w["via"]: w["potential_energy_mj"] for w in together.details["ways"]} == pytest.approx(energies, rel=1e-6)
+    lowest = alone[min(energies, key=energies.get)]
+    assert together.stage.tolist() == lowest.stage.tolist()
+    np.testing.assert_allclose(together.displacements(0), lowest.displacements(0), atol=1e-6)
+
+
+def path_energy(model: Model, path) -> float:
+    """Pi = U - P_v V_v (mJ) of the state at rest of a path."""
+    u = path.displacements(int(np.flatnonzero(path.stage == 1)[-1]))
+    return stored_energy(model, u) - 1e-3 * model.loading.ventricular_pressure * conjugate_volumes(model, u)[0]
 
 
 # --- failure --------------------------------------------------------------------------------------------------------------

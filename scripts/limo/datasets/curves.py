@@ -28,9 +28,10 @@ def curves(
         return result
     pressure = ramp.actuation_pressure.values
     ventricle, actuation = ramp.ventricle_volume.values, ramp.actuation_volume.values
+    energy = ramp.potential_energy.values if "potential_energy" in ramp else np.full(len(pressure), np.nan)
     if pressure[-1] > maximum:
         ends = np.append(pressure[pressure < maximum], maximum)
-        ventricle, actuation = (np.interp(ends, pressure, values) for values in (ventricle, actuation))
+        ventricle, actuation, energy = (np.interp(ends, pressure, values) for values in (ventricle, actuation, energy))
         pressure = ends
     stroke, change = ventricle[0] - ventricle, actuation - actuation[0]
     known = {
@@ -38,6 +39,7 @@ def curves(
         "actuation_volume": actuation,
         "stroke_volume": stroke,
         "actuation_volume_change": change,
+        "potential_energy": energy,
     }
     # the solver's clock is rounded: an end a hair short of a wanted pressure is that pressure
     pressures = np.where(np.isclose(pressures, pressure[-1], rtol=1e-6, atol=1e-6), pressure[-1], pressures)

@@ -8,7 +8,7 @@ are smaller than the largest of the study are padded: with -1 in indices, with N
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,7 +16,7 @@ import numpy as np
 import xarray as xr
 
 from limo.cases.case import Case, solved_on
-from limo.cases.grid import study_grid
+from limo.cases.grid import GridPoint, study_grid
 from limo.config.project import Project
 from limo.datasets.gather import GridArrays, Member, attributes, frame_labels, members
 from limo.datasets.variables import CASE_DIMS, describe_axes, on_axes
@@ -35,9 +35,9 @@ from limo.mesh.layers import DeviceMesh
 from limo.schema.figures import items_of
 from limo.schema.pressures import reaches
 from limo.schema.study import Study
-from limo.store.files import read_json, write_netcdf
+from limo.store.files import UNREADABLE, read_json, write_netcdf
 from limo.store.results import CaseFiles
-from limo.store.statuses import NOT_MEASURED
+from limo.store.statuses import NOT_MEASURED, SolveStatus
 
 MESH = {"long_name": "name of a mesh, of its file in results/meshes"}
 _LEVELS = 4000  # steps of a packed variable on either side of zero: more would be noise, which no compression takes
@@ -95,20 +95,21 @@ def gather_shapes(
 ) -> xr.Dataset:
     """The shapes of a study from the frames of its cases below ``case_folder`` and the meshes in ``mesh_folder``.
 
-    Of the branches of a case the first is shown, the one from the flat state as it is.
+    Of the branches of a case the lowest is shown, as in the curves (``states.lowest``).
     ``sources``: ids of the cases that serve the study, in the order of its grid (default: its own cases). A case without
     usable frames has none here, and ``shape_reason`` says why; the others do not notice.
     """
     grid = study_grid(project, name)
     ids = dict(zip(grid.cases, sources or [case.case_id for case in grid.cases.values()], strict=False))
-    shown = {point: case for point, case in grid.cases.items() if not point.branch}
+    shown = _lowest(grid.cases, ids, case_folder)
     arrays = GridArrays({**grid.axes, "branch": [0]})
     arrays.add("mesh_number", -1, "which mesh a case is on, -1 without shapes")
     arrays.add("symmetry", "", "full, front_back (mirror in z = 0) or quarter (and in x = 0)")
     arrays.add("device_length", np.nan, "length of the device, L", "mm")
     arrays.add("shape_reason", "", "why a case has no shapes")
     gathered = _Shapes(grid.study, mesh_folder)
-    for member in members(shown, arrays.axes, case_folder, [ids[point] for point in shown]):
+    chosen = {place: case for place, (case, _) in shown.items()}
+    for member in members(chosen, arrays.axes, case_folder, [name for _, name in shown.values()]):
         gathered.add(member, arrays)
     coords = {"frame": ("frame", list(gathered.entries), {"long_name": FRAME})}
     coords |= {"mesh_id": ("mesh", list(gathered.meshes), MESH), "axis": ["x", "y", "z"], "plane": ["x", "y"]}
@@ -118,6 +119,28 @@ def gather_shapes(
     named = {"title": f"{name}: surfaces that its figures draw", "study": name, "items": " ".join(gathered.items)}
     dataset = dataset.assign_attrs(named | {"config": json.dumps(project.content(name), sort_keys=True)})
     return on_axes(describe_axes(dataset), grid.study)
+
+
+def _lowest(cases: Mapping[GridPoint, Case], ids: Mapping[GridPoint, str], folder: Path) -> dict[GridPoint, tuple[Case, str]]:
+    """Of the solutions of each case the one of least energy at rest with its id, in the place of the first."""
+    solutions: dict[GridPoint, list[GridPoint]] = {}
+    for point in cases:
+        solutions.setdefault(point._replace(branch=0), []).append(point)
+    shown = {}
+    for place, points in solutions.items():
+        point = min(points, key=lambda point: _energy_at_rest(CaseFiles(folder / ids[point]))) if len(points) > 1 else place
+        shown[place] = cases[point], ids[point]
+    return shown
+
+
+def _energy_at_rest(files: CaseFiles) -> float:
+    """Pi in mJ at rest of a solved case; infinite where it cannot be used or does not say."""
+    try:
+        usable = SolveStatus.from_json(read_json(files.status), files.status).is_usable
+        ramp = read_ramp(files.folder)
+    except (ResultError, *UNREADABLE):
+        return np.inf
+    return float(ramp.potential_energy[0]) if usable and ramp.sizes["increment"] and "potential_energy" in ramp else np.inf
 
 
 class _Shapes:

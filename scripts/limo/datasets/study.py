@@ -16,6 +16,7 @@ from limo.datasets.curves import curves, efficiency_reason
 from limo.datasets.gather import GridArrays, Member, members
 from limo.datasets.measures import gather_measures
 from limo.datasets.provenance import study_attributes
+from limo.datasets.states import state_variables
 from limo.datasets.variables import CHECKS, CURVE_DIMS, TEXTS, VARIABLES, Variable, describe_axes, on_axes
 from limo.errors import ResultError
 from limo.schema.pressures import is_beyond
@@ -43,6 +44,7 @@ def gather_study(project: Project, name: str, case_folder: Path, sources: Sequen
     for member in members(grid.cases, arrays.axes, case_folder, own_sources):
         _fill(arrays, member, pressures)
     dataset = arrays.dataset({"actuation_pressure": pressures}).assign_attrs(study_attributes(project, name))
+    dataset = dataset.merge(state_variables(dataset))
     if grid.cross_checks:
         dataset = dataset.merge(_gather_checks(dataset, grid, others, case_folder))
     if grid.study.measures:

@@ -38,6 +38,7 @@ VARIABLES = {
     "actuation_volume_change": Variable(CURVE_DIMS, "ml", "pouch volume since P_a = 0, Delta V_a"),
     "stroke_volume": Variable(CURVE_DIMS, "ml", "fluid that left the ventricle since P_a = 0, Delta V_v"),
     "io_ratio": Variable(CURVE_DIMS, "1", "input-output ratio, Delta V_v / Delta V_a"),
+    "potential_energy": Variable(CURVE_DIMS, "mJ", "potential energy of the full device, Pi = U - P_v V_v - P_a V_a"),
     "efficiency_90ml": Variable(CASE_DIMS, "1", "mechanical efficiency at a stroke of 90 ml, eta"),
     "pressure_90ml": Variable(CASE_DIMS, "kPa", "actuation pressure at a stroke of 90 ml"),
     "dissipated_fraction": Variable(CASE_DIMS, "1", "share of the actuation work over the ramp that damping took"),

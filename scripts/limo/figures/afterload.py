@@ -7,6 +7,7 @@ import pandas as pd
 import xarray as xr
 from matplotlib.lines import Line2D
 
+from limo.datasets.states import lowest
 from limo.figures import overlay, style
 
 #: colours of the ventricular pressures, from low to high
@@ -21,7 +22,7 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
     """
     rest = {d: 0 for d in dataset.case_status.dims if d not in ("n_pouches", "ventricular_pressure", "branch")}
     every = dataset.isel(rest)
-    dataset = style.first_branch(every)
+    dataset = lowest(every)
     pressures = dataset.ventricular_pressure.values
     figure, upper, lower = style.two_rows(3, max(3, len(pressures)), 7.5, 5.2)
     for j, p_v in enumerate(pressures):
@@ -86,9 +87,9 @@ def _bars(axis, dataset: xr.Dataset) -> None:
     width = 0.8 / len(pressures)
     for j, p_v in enumerate(pressures):
         positions = np.arange(len(pouches)) + (j - (len(pressures) - 1) / 2) * width
-        efficiency = dataset.efficiency_90ml.sel(ventricular_pressure=p_v)
-        style.bars_of_branches(axis, positions, efficiency, 100)
-        eta = 100 * style.first_branch(efficiency).values
+        cases = dataset.sel(ventricular_pressure=p_v)
+        style.bars_of_branches(axis, positions, cases.efficiency_90ml, 100)
+        eta = 100 * lowest(cases).efficiency_90ml.values
         axis.bar(positions, np.nan_to_num(eta), width=0.9 * width, color=COLORS[j % len(COLORS)])
         axis.plot(positions[~np.isfinite(eta)], np.full((~np.isfinite(eta)).sum(), 2.0), "x", ms=4, color=COLORS[j % len(COLORS)])
     axis.set_xticks(np.arange(len(pouches)), [f"{n}" for n in pouches])

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from limo.datasets.states import lowest
 from limo.figures import overlay, pictures, style
 from limo.figures.render import Scale, Scene
 from limo.measure.buckling import displacement_difference
@@ -41,7 +42,7 @@ def _curve(axis, branches: xr.Dataset, case: xr.Dataset, measured: pd.DataFrame 
 
     Measured strokes are those at the case's own P_v and N_p, or of unknown ones.
     """
-    curves = style.first_branch(branches)
+    curves = lowest(branches)
     pressure, stroke = curves.actuation_pressure.values, curves.stroke_volume.values
     if not np.isfinite(stroke).any():
         axis.set_visible(False)

@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from limo.datasets.states import lowest
 from limo.figures import overlay, pictures, style
 from limo.figures.von_mises import pictures_of, stress_scale
 
@@ -32,7 +33,7 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None, shapes: xr.Dataset)
     solutions = [pictures.branches_of(dataset, case) for case in cases]
     labels = [pictures.names(case, dims) or pictures.names(case, ["n_pouches"]) for case in cases]
     for k, (branches, name) in enumerate(zip(solutions, labels, strict=True)):
-        curves, color = style.first_branch(branches), style.COLORS[k % len(style.COLORS)]
+        curves, color = lowest(branches), style.COLORS[k % len(style.COLORS)]
         for axis, (variable, _) in zip(axes, panels, strict=False):
             style.curve(axis, curves, variable, color, label=name)
             style.band(axis, branches, variable, color)
@@ -46,7 +47,7 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None, shapes: xr.Dataset)
     ratio = dataset.io_ratio.values[np.isfinite(dataset.io_ratio.values)]
     axes[2].axhline(1.0, color="0.5", lw=0.8, ls="--", zorder=0)
     axes[2].set_ylim(0, max(2.0, 1.1 * np.quantile(ratio, 0.98)) if len(ratio) else 2.0)
-    _bars(axes[3], xr.concat([c.efficiency_90ml for c in solutions], "case"), labels)
+    _bars(axes[3], solutions, labels)
     style.legend(above, handles, style.gaps(dataset), min(len(handles), max(len(cases), 5)))
     scale = stress_scale(shapes)
     pictures.pair_grid(dataset, shapes, lambda case: pictures_of(case, scale), below)
@@ -55,9 +56,10 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None, shapes: xr.Dataset)
     return figure
 
 
-def _bars(axis, efficiencies: xr.DataArray, labels: list[str]) -> None:
+def _bars(axis, solutions: list[xr.Dataset], labels: list[str]) -> None:
     """Efficiency at 90 ml of each case with its number; a cross for one that does not reach 90 ml."""
-    eta = 100 * style.first_branch(efficiencies).values
+    efficiencies = xr.concat([case.efficiency_90ml for case in solutions], "case")
+    eta = 100 * np.array([float(lowest(case).efficiency_90ml) for case in solutions])
     positions = np.arange(len(eta))
     style.bars_of_branches(axis, positions, efficiencies, 100)
     axis.bar(positions, np.nan_to_num(eta), color=[style.COLORS[k % len(style.COLORS)] for k in positions])

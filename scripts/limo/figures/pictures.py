@@ -13,6 +13,7 @@ import xarray as xr
 from matplotlib.cm import ScalarMappable
 from matplotlib.patches import Rectangle
 
+from limo.datasets.states import lowest
 from limo.figures import style
 from limo.figures.render import Camera, Scale, Scene, render
 from limo.mesh.layers import LAYERS
@@ -261,7 +262,7 @@ def branches_of(dataset: xr.Dataset, case: xr.Dataset) -> xr.Dataset:
 
 def study_case(dataset: xr.Dataset, case: xr.Dataset) -> xr.Dataset:
     """The same case in the study's dataset of curves; of its branches the first."""
-    return style.first_branch(branches_of(dataset, case))
+    return lowest(branches_of(dataset, case))
 
 
 def empty_reason(dataset: xr.Dataset, case: xr.Dataset, otherwise: str = "") -> str:

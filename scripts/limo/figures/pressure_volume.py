@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from limo.datasets.states import lowest
 from limo.figures import overlay, style
 
 
@@ -28,7 +29,7 @@ def curve_label(case: xr.Dataset, varying: list[str]) -> str:
 def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
     """Three panels over P_a: (a) Delta V_a, (b) stroke volume, (c) ratio, one curve a case, measured curves on top."""
     figure, axes = style.panels(3)
-    every, dataset = dataset, style.first_branch(dataset)
+    every, dataset = dataset, lowest(dataset)
     dims = [d for d in dataset.case_status.dims]
     varying = [d for d in dims if dataset.sizes[d] > 1]
     cases = dataset.stack(case=dims) if dims else dataset.expand_dims("case")

@@ -14,6 +14,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 from PIL import Image
 
+from limo.datasets.states import folded_otherwise
+
 if TYPE_CHECKING:
     import xarray as xr
 
@@ -89,11 +91,6 @@ def curve(axis, case: xr.Dataset, name: str, color: str, **looks) -> None:
         axis.plot(pressure[light], values[light], line_of(case), color=color, alpha=FADED, **{**looks, "label": None})
 
 
-def first_branch(dataset: xr.Dataset) -> xr.Dataset:
-    """The same of the flat state as it is alone, where a study has several branches."""
-    return dataset.isel(branch=0, drop=True) if "branch" in dataset.dims else dataset
-
-
 def band(axis, case: xr.Dataset, name: str, color: str, zorder: float = 1) -> None:
     """Shade what the branches of a case reach of a curve, from the lowest to the highest; nothing where there is one."""
     if "branch" in case.dims:
@@ -109,12 +106,12 @@ def bars_of_branches(axis, places: np.ndarray, values: xr.DataArray, factor: flo
 
 
 def gaps(dataset: xr.Dataset, most: int = 5) -> list[str]:
-    """What stands under a figure of the cases that failed or are degraded: each with its reason, the first ``most`` of them."""
+    """What stands under a figure: cases that failed or are degraded with their reasons, the first ``most``, and other folds."""
     dims = list(dataset.case_status.dims)
     cases = dataset[["case_id", "case_status", "case_reason"]].stack(case=dims) if dims else dataset.expand_dims("case")
     failed = [cases.isel(case=k) for k in range(cases.sizes["case"]) if str(cases.case_status.values[k]) != "converged"]
     lines = [f"{case.case_id.values}: {case.case_status.values}, {case.case_reason.values}" for case in failed[:most]]
-    return lines + ([f"and {len(failed) - most} more"] if len(failed) > most else [])
+    return lines + ([f"and {len(failed) - most} more"] if len(failed) > most else []) + folded_otherwise(dataset)
 
 
 def legend(figure, handles: list, notes: list[str], ncols: int) -> None:

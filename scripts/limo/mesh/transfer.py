@@ -11,9 +11,9 @@ from limo.mesh.elements import quad8_shape
 from limo.mesh.layers import DeviceMesh
 
 #: elements around a node that are looked at, iterations of the place in one of them, and how far beyond it they may go
-NEAR, ITERATIONS, BEYOND = 12, 12, 1.5
+NEAR, ITERATIONS, BEYOND = 12, 12, 1.8
 #: how far outside of its element, in local coordinates, a node may be found: curved edges are cut by chords of other lengths
-OUTSIDE = 0.2
+OUTSIDE = 0.5
 
 
 def interpolation(source: DeviceMesh, target: DeviceMesh) -> csr_array:

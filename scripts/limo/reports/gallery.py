@@ -28,6 +28,7 @@ from limo.config.load import load_config
 from limo.config.project import Project
 from limo.datasets.curves import absent, at_end, completed
 from limo.datasets.shapes import gather_shapes
+from limo.datasets.states import lowest
 from limo.datasets.study import gather_study
 from limo.errors import LimoError
 from limo.figures import style, tensile_test
@@ -165,7 +166,7 @@ def _shapes(loaded: Project, name: str, gallery: Path, results: Path | None) -> 
 
 def _bare(dataset: xr.Dataset, shapes: xr.Dataset) -> bool:
     """Whether a case of a study's dataset is usable, but has no shapes."""
-    return bool((style.first_branch(dataset).case_status.isin(USABLE) & (shapes.mesh_number < 0)).any())
+    return bool((lowest(dataset).case_status.isin(USABLE) & (shapes.mesh_number < 0)).any())
 
 
 def make_gallery(

@@ -13,6 +13,7 @@ import xarray as xr
 
 from limo.accuracy.statistics import rows_of
 from limo.accuracy.table import read_errors
+from limo.datasets.states import lowest
 from limo.errors import ResultError
 from limo.reports.markdown import read_rows
 from limo.reports.performance import CASE, read_measurements, with_iterations
@@ -48,7 +49,7 @@ class Kept:
 
     def loads(self, part: str) -> xr.Dataset:
         """The study over devices and ventricular pressures, solved from the exact flat states."""
-        return first_branch(self.study("afterload", part))
+        return lowest(self.study("afterload", part))
 
     def level(self, part: str) -> str:
         """Mesh level of a set of the gallery, as code."""
@@ -95,8 +96,3 @@ def made_with(dataset: xr.Dataset) -> tuple[str, str, str]:
     setting = next(iter(json.loads(dataset.attrs["config"])["settings"].values()))
     builds = {re.sub(r" [0-9a-f]{16}\b", "", str(build)) for build in dataset.solver_build.values.ravel() if build}
     return setting["mesh"]["level"], setting["engine"], ", ".join(sorted(builds))
-
-
-def first_branch(dataset: xr.Dataset) -> xr.Dataset:
-    """The solutions from the exact flat states."""
-    return dataset.isel(branch=0) if "branch" in dataset.dims else dataset

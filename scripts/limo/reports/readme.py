@@ -17,9 +17,10 @@ from limo.accuracy.statistics import settings_of
 from limo.cases.cost import duration, schedule
 from limo.config.load import load_config
 from limo.datasets.curves import at_end
+from limo.datasets.states import lowest
 from limo.reports.accuracy_airbag import TRUSTED, published_draw_in, published_height, read_airbags
 from limo.reports.accuracy_device import error_text
-from limo.reports.kept import FIRST, STANDARD, Kept, first_branch, grids, made_with, reference_of, stock_factor
+from limo.reports.kept import FIRST, STANDARD, Kept, grids, made_with, reference_of, stock_factor
 from limo.reports.markdown import markdown_table, number
 from limo.reports.performance import slowest
 from limo.store.statuses import CONVERGED, USABLE
@@ -44,7 +45,7 @@ def parts(root: Path) -> dict[str, Callable[[], str]]:
 
 def sweep(kept: Kept) -> str:
     """What the first sweep takes and prints: the results of the gallery, the times of the recorded grid."""
-    dataset = first_branch(kept.study("pressure_volume"))
+    dataset = lowest(kept.study("pressure_volume"))
     level, engine, _ = made_with(dataset)
     grid = grids(kept).get((level, engine), kept.costs.iloc[:0])
     rows, seconds, memory = [], [], []

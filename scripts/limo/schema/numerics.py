@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from limo.schema.element import element
 from limo.schema.section import NAME, ElementName, Section, Symmetry
@@ -134,14 +134,19 @@ class Newton(Section):
         examples=["mixed"],
     )
 
+    @field_validator("fit_via")
+    @classmethod
+    def _ways(cls, value: list[float]) -> list[float]:
+        if min(value) < 1 or max(value) > MOST_VIA or len(set(value)) < len(value):
+            raise ValueError(f"multiples from 1 to {MOST_VIA:g}, each once")
+        return value
+
     @model_validator(mode="after")
     def _ordered(self) -> Newton:
         if self.rejected_step < self.largest_step:
             raise ValueError("rejected_step no smaller than largest_step")
         if self.first_shift < self.smallest_shift:
             raise ValueError("first_shift no smaller than smallest_shift")
-        if min(self.fit_via) < 1 or max(self.fit_via) > MOST_VIA or len(set(self.fit_via)) < len(self.fit_via):
-            raise ValueError(f"fit_via from 1 to {MOST_VIA:g}, each once")
         return self
 
     def content(self) -> dict[str, Any]:

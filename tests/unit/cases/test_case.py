@@ -67,7 +67,8 @@ def test_a_key_that_came_later_names_a_case_where_it_is_not_the_default(make_cas
     """Names without it are those of results from before it."""
     case = make_case(**newton_with(make_case()))
     usual = Newton.model_fields[key].default
-    (other,) = (value for value in get_args(Newton.model_fields[key].annotation) if value != usual)
+    others = [value for value in get_args(Newton.model_fields[key].annotation) if isinstance(value, str) and value != usual]
+    (other,) = others or Newton.model_fields[key].examples
     names = [make_case(**newton_with(case, **{key: value})).case_id for value in (usual, other)]
     assert names[0] == case.case_id != names[1]
     assert key not in json.dumps(case.content())
@@ -252,3 +253,41 @@ def test_cross_checks_are_spread_over_the_grid_and_solved_by_the_other_engine(lo
     twins = cross_checks(with_study(loaded, engine="newton", branches=2, cross_check=asked), "s")
     assert [point.n_pouches for point in twins] == pouches
     assert {(t.engine, t.build, t.branch) for t in twins.values()} <= {("calculix", "2.20", 0)}
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# at which states cases begin
+
+
+def nested(make_case, *names, **changes):
+    """A case that is fitted on meshes of these levels first."""
+    levels = {"coarsest": MeshLevel(degrees_of_freedom=5000), "coarse": MeshLevel(degrees_of_freedom=8000)}
+    keys = newton_with(make_case(), fit_on=list(names)) | {"fit_levels": tuple(levels[name] for name in names)}
+    return make_case(**keys | changes)
+
+
+def test_a_case_begins_at_that_of_a_coarser_mesh_without_a_ramp(make_case):
+    case = nested(make_case, "coarsest", "coarse")
+    first, second = case.fits[::-1]
+    assert (case.fit, second.fit, first.fit) == (second, first, None)
+    assert [each.mesh_level.degrees_of_freedom for each in (first, second)] == [5000, 8000]
+    assert [each.mesh.level for each in (first, second)] == ["coarsest", "coarse"]
+    assert {(each.actuation_pressure_max, each.frames) for each in case.fits} == {(0.0, (0.0,))}
+    assert len({each.case_id for each in (case, *case.fits)}) == 3
+    assert Case.from_dict(json.loads(json.dumps(case.to_dict()))) == case
+
+
+def test_cases_of_a_device_share_where_they_begin(make_case):
+    case = nested(make_case, "coarsest")
+    for same in ({"actuation_pressure_max": 10.0}, {"mesh_level": MeshLevel(degrees_of_freedom=20000)}, {"frames": (0.0, 5.0)}):
+        assert nested(make_case, "coarsest", **same).fit.case_id == case.fit.case_id
+    for other in ({"ventricular_pressure": 13.8}, {"aspect_ratio": 1.0}, {"branch": 1}, {"n_pouches": 4}):
+        assert nested(make_case, "coarsest", **other).fit.case_id != case.fit.case_id
+
+
+def test_a_case_is_named_by_the_meshes_it_is_fitted_on_not_by_their_names(make_case):
+    case = nested(make_case, "coarsest")
+    renamed = replace(case, **newton_with(case, fit_on=["other"]))
+    assert renamed.case_id == case.case_id != make_case(engine="newton").case_id
+    finer = replace(case, fit_levels=(MeshLevel(degrees_of_freedom=6000),))
+    assert finer.case_id != case.case_id

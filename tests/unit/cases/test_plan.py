@@ -57,6 +57,32 @@ def only(plan, name):
 
 
 # --------------------------------------------------------------------------------------------------------------------
+# at which states cases begin
+
+
+NESTED = {"engine": "newton", "mesh": {"level": "coarse"}, "numerics": {"newton": {"fit_on": ["coarsest", "preview"]}}}
+
+
+def test_what_cases_begin_at_is_planned_with_them_once(studies, results):
+    two = studies(near=NESTED | {"actuation_pressure_max": 20, "reuse": "exact"}, far=NESTED | {"reuse": "exact"})
+    plan = make_plan(two, results.path)
+    near, far = only(plan, "near"), only(plan, "far")
+    assert near.fits == far.fits
+    assert plan.to_solve == {case.case_id for case in (near, far, *near.fits)}
+    assert set(plan.of_study("near")) == {near.case_id}, "no case of a study"
+    assert plan.with_fits([near.case_id]) == {case.case_id for case in (near, *near.fits)}
+    results.solve(plan)
+    assert not make_plan(two, results.path).to_solve
+
+
+def test_a_cross_check_by_an_engine_without_it_begins_flat(studies, results):
+    plan = make_plan(studies(near=NESTED | {"cross_check": 1}), results.path)
+    (check,) = plan.checks_of_study("near")
+    assert plan.cases[check].fits == ()
+    assert only(plan, "near").fits
+
+
+# --------------------------------------------------------------------------------------------------------------------
 # before anything is solved
 
 

@@ -124,6 +124,9 @@ MISTAKES = [
     (STUDY, ("numerics", "newton", "colour"), "red", "load_step"),
     (STUDY, ("numerics", "newton", "factor_precision"), "half", "'single' or 'double'"),
     (STUDY, ("numerics", "newton", "geometric_stiffness"), "none", "'consistent' or 'mixed'"),
+    (STUDY, ("numerics", "newton", "fit_via"), [0.5], "multiples from 1 to 100"),
+    (STUDY, ("numerics", "newton", "fit_via"), [1, 1], "each once"),
+    (STUDY, ("numerics", "newton", "fit_via"), [], "at least 1 item"),
     (CONFIG, (*FAST, "newton", "factor_precision"), 32, "'single' or 'double'"),
     (STUDY, ("preset",), "exact", "preview, reference, standard"),
     (STUDY, ("mesh", "level"), "huge", "preview"),
@@ -389,6 +392,28 @@ def test_shells_with_directors_are_newtons_alone_and_without_the_mixed_stress(fo
     assert (error.key, error.example != "") == (key, True)
     assert expected in error.expected
     edit(folder / STUDY, ("mesh",), {"element": "C3D20R"})
+    load_config(folder / CONFIG, strict=True)
+
+
+@pytest.mark.parametrize(
+    ("names", "expected"),
+    [
+        (["corse"], "coarsest, fine, medium"),
+        (["coarse"], "from coarse to fine, all coarser than coarse"),
+        (["fine"], "from coarse to fine, all coarser than coarse"),
+        (["preview", "coarsest"], "from coarse to fine"),
+        (["preview", "preview"], "from coarse to fine"),
+    ],
+)
+def test_a_device_is_fitted_on_ever_finer_meshes_coarser_than_its_own(folder, names, expected):
+    edit(folder / STUDY, ("mesh",), {"level": "coarse"})
+    edit(folder / STUDY, ("engine",), "newton")
+    edit(folder / STUDY, ("numerics",), {"newton": {"fit_on": names}})
+    error = error_of(folder)
+    assert (error.key, error.value) == ("numerics.newton.fit_on", names if names != ["corse"] else "corse")
+    assert expected in error.expected
+    assert "fit_on: [" in error.example
+    edit(folder / STUDY, ("numerics", "newton", "fit_on"), ["coarsest", "preview"])
     load_config(folder / CONFIG, strict=True)
 
 
