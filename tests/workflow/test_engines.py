@@ -1,11 +1,14 @@
 """The second engine through the workflow: branches, cross checks, and what depends on an engine."""
 
+import shutil
+
 import numpy as np
+import pytest
 import xarray as xr
 
 from limo.store.files import read_json
 
-from .conftest import copied
+from .conftest import copied, run
 
 
 def statuses(project):
@@ -56,3 +59,33 @@ def test_what_one_engine_does_not_look_at_runs_none_of_its_cases_again(everythin
     assert swept.planned("tiny")["solve_case"] == 2
     swept.study("tiny", engine="calculix", branches=1)
     assert swept.planned("tiny")["solve_case"] == 1, "damped otherwise than when it was the cross check"
+
+
+def test_a_case_begins_at_the_state_that_the_device_has_on_a_coarser_mesh(project):
+    """A case without a ramp, which no other branch shares; it is solved again only for a case that has to be."""
+    project.edit("config.yaml", lambda c: c["mesh_levels"].update(finer={"degrees_of_freedom": 6000, "grading": 1.0}))
+    begun = {"newton": {"fit_on": ["tiny"], "fit_via": [1, 3]}}
+    axes = {"n_pouches": [4], "ventricular_pressure": [3.8]}
+    changes = {"axes": axes, "engine": "newton", "branches": 2, "actuation_pressure_max": 5.0, "figures": []}
+    project.study("tiny", mesh={"level": "finer", "element": "SHELL8R"}, numerics=begun, **changes)
+    assert project.planned("tiny")["solve_case"] == 4
+    run(project, "tiny")
+    plan, cases = project.plan(), project.folder / "results" / "cases"
+    for case in map(plan.cases.get, plan.of_study("tiny")):
+        status, coarse = (read_json(cases / name / "status.json") for name in (case.case_id, case.fit.case_id))
+        assert {status["status"], coarse["status"]} == {"converged"}
+        assert status["begun_at"] == case.fit.case_id
+        assert status["iterations_by_stage"]["fit"] == 0 < status["iterations_by_stage"]["hold"]
+        assert status["fit_cpu_seconds"] == coarse["solver_cpu_seconds"]
+        assert [way["via"] for way in coarse["ways"]] == [1, 3]
+        history = xr.open_dataset(cases / case.fit.case_id / "volumes.nc")
+        lowest = min(way["potential_energy_mj"] for way in coarse["ways"])
+        assert float(history.potential_energy[-1]) == pytest.approx(lowest, rel=1e-6)
+    study = xr.open_dataset(project.folder / "results/studies/tiny/study.nc").squeeze()
+    assert int(study.lowest_branch) == int(study.potential_energy.isel(actuation_pressure=0).argmin("branch"))
+    assert project.planned("tiny") == {}
+    lost = plan.cases[plan.of_study("tiny")[0]].fit.case_id
+    shutil.rmtree(cases / lost)
+    assert project.planned("tiny") == {}, "what began there is solved"
+    shutil.rmtree(cases / plan.of_study("tiny")[0])
+    assert project.planned("tiny")["solve_case"] == 2, "the case and where it begins"

@@ -9,7 +9,7 @@ import pandas as pd
 import xarray as xr
 from matplotlib.cm import ScalarMappable
 
-from limo.datasets.states import lowest
+from limo.datasets import states
 from limo.figures import pictures, style
 from limo.figures.cycles import life_scale, pictures_of
 from limo.figures.pressure_volume import curve_label
@@ -31,7 +31,7 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None, shapes: xr.Dataset)
 
 def _curve(axis, dataset: xr.Dataset, fatigue: Fatigue) -> None:
     """Amplitude over cycles with its elastic and plastic branch; a case in the endurance range is hollow, at its end."""
-    dataset = lowest(dataset)
+    dataset = states.lowest(dataset)
     last = fatigue.endurance_cycles.value
     cycles = np.logspace(0, np.log10(last), 400)
     elastic, plastic = strain_amplitude(cycles, fatigue)

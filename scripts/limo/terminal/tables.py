@@ -14,6 +14,7 @@ from limo.cases.cost import duration, memory_mib, plan_costs, schedule
 from limo.cases.grid import study_cases
 from limo.cases.plan import make_plan
 from limo.config.builds import open_project
+from limo.datasets.states import folded_otherwise, rest_energy
 from limo.datasets.variables import COORDINATES, SYMBOLS, place
 from limo.errors import ResultError
 from limo.reports.markdown import shown
@@ -77,6 +78,7 @@ def study_table(path: Path) -> str:
     if "case_status" not in dataset:
         raise ResultError(f"{path}: not a study's dataset (no case_status); for example results/studies/NAME/study.nc")
     dims = list(dataset.case_status.dims)
+    dataset = dataset.assign(energy=energy) if (energy := rest_energy(dataset)) is not None else dataset
     cases = dataset.stack(case=dims)
     rows = []
     for k in range(cases.sizes["case"]):
@@ -89,6 +91,7 @@ def study_table(path: Path) -> str:
                 "P_a [kPa]": f"{reached:.1f}" if at_end is not None else "-",
                 "stroke [ml]": _number(at_end, "stroke_volume", ".1f"),
                 "ratio": _number(at_end, "io_ratio", ".2f"),
+                **({"Pi at rest [mJ]": _energy(case)} if "energy" in case else {}),
                 **({"touches [kPa]": _number(case, "contact_front_back", ".1f")} if "contact_front_back" in case else {}),
                 "eta(90 ml)": _number(case, "efficiency_90ml", ".1%"),
                 "dissipated": _number(case, "dissipated_fraction", ".1%"),
@@ -103,6 +106,9 @@ def study_table(path: Path) -> str:
         case = cases.isel(case=k)
         if reason := str(case.case_reason.values) or str(case.efficiency_90ml_reason.values):
             lines.append(f"  {case.case_id.values}: {reason}")
+    if "lowest_branch" in dataset:
+        lines.append("* the solution of least energy at rest, which figures show")
+    lines += folded_otherwise(dataset)
     lines += _inside_out(cases)
     figures = sorted((path.parent / "figures").glob("*.p*"))
     return "\n".join([*lines, *(f"figure: {f}" for f in figures)])
@@ -120,6 +126,12 @@ def _inside_out(cases: xr.Dataset) -> list[str]:
         f"V_a at rest is {low} in {below.size} of {rest.size} cases: layers of empty pouches lie in each other, as nothing keeps "
         "them apart in the model. dV_a counts that volume; give each case cross_check: 1 to see how far engines differ by it"
     ]
+
+
+def _energy(case: xr.Dataset) -> str:
+    """The potential energy at rest, with a star for the lowest of several solutions."""
+    is_lowest = "lowest_branch" in case and float(case.lowest_branch) == float(case.branch)
+    return _number(case, "energy", ".1f") + "*" * is_lowest
 
 
 def _header(name: str, symbol: str) -> str:
