@@ -88,4 +88,5 @@ def test_a_case_begins_at_the_state_that_the_device_has_on_a_coarser_mesh(projec
     shutil.rmtree(cases / lost)
     assert project.planned("tiny") == {}, "what began there is solved"
     shutil.rmtree(cases / plan.of_study("tiny")[0])
-    assert project.planned("tiny")["solve_case"] == 2, "the case and where it begins"
+    status = f"results/cases/{plan.of_study('tiny')[0]}/status.json"
+    assert project.planned(status)["solve_case"] == 2, "the case and where it begins"
