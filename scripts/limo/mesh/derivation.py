@@ -13,14 +13,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from itertools import pairwise
 
 import numpy as np
 import pandas as pd
 import shapely
 
 from limo.errors import LimoError, MeshError
-from limo.store.files import write_whole
 
 #: characteristic length over the device's length: 40 elements on the valve edge, 0.7932 L, leave 0.0198 to 0.0209
 SIZE = 0.02
@@ -28,9 +27,20 @@ SIZE = 0.02
 HALF_WIDTH = 0.3966
 #: elements of the published mesh on the curves of a face's right half; those of the valve and the apex edge are whole
 CURVES = {
-    **{"valve_edge": 40, "outline_low": 16, "outline_side": 18, "outline_top": 22, "apex_edge": 20},
-    **{"array_low0": 2, "array_low1": 4, "array_low2": 20, "array_side": 18, "array_top2": 20, "array_top1": 6, "array_top0": 4},
-    **{"central_seam": 44, "off_centre_seam": 50},
+    "valve_edge": 40,
+    "outline_low": 16,
+    "outline_side": 18,
+    "outline_top": 22,
+    "apex_edge": 20,
+    "array_low0": 2,
+    "array_low1": 4,
+    "array_low2": 20,
+    "array_side": 18,
+    "array_top2": 20,
+    "array_top1": 6,
+    "array_top0": 4,
+    "central_seam": 44,
+    "off_centre_seam": 50,
 }
 #: elements of the published mesh in the patches of a face; pouches have them in both layers
 PATCHES = {"background": 894, "inner_pouch": 499, "outer_pouch": 373}
@@ -45,12 +55,25 @@ NOISE = 0.01
 ELEMENT_AREAS, SCATTER = {"background": 0.745, "inner_pouch": 0.808, "outer_pouch": 0.762}, 0.02
 #: what a walk starts and stays within: coordinates over L, first those of the outline, then of the array, last of the seam
 RANGES = {
-    **{"outline_x1": (0.37, 0.53), "outline_y1": (0.20, 0.36), "outline_x2": (0.36, 0.56), "outline_y2": (0.52, 0.74)},
-    **{"outline_x3": (0.16, 0.22), "array_y0": (0.04, 0.18)},
-    **{"array_x1": (0.005, 0.045), "array_y1": (0.04, 0.20), "array_x2": (0.03, 0.14), "array_y2": (0.04, 0.24)},
-    **{"array_x3": (0.32, 0.48), "array_y3": (0.18, 0.42), "array_x4": (0.32, 0.50), "array_y4": (0.52, 0.74)},
-    **{"array_x5": (0.10, 0.24), "array_y5": (0.90, 0.98)},
-    **{"seam_x_top": (0.03, 0.09), "seam_x_control": (0.15, 0.70), "seam_y_control": (0.25, 0.75)},
+    "outline_x1": (0.37, 0.53),
+    "outline_y1": (0.20, 0.36),
+    "outline_x2": (0.36, 0.56),
+    "outline_y2": (0.52, 0.74),
+    "outline_x3": (0.16, 0.22),
+    "array_y0": (0.04, 0.18),
+    "array_x1": (0.005, 0.045),
+    "array_y1": (0.04, 0.20),
+    "array_x2": (0.03, 0.14),
+    "array_y2": (0.04, 0.24),
+    "array_x3": (0.32, 0.48),
+    "array_y3": (0.18, 0.42),
+    "array_x4": (0.32, 0.50),
+    "array_y4": (0.52, 0.74),
+    "array_x5": (0.10, 0.24),
+    "array_y5": (0.90, 0.98),
+    "seam_x_top": (0.03, 0.09),
+    "seam_x_control": (0.15, 0.70),
+    "seam_y_control": (0.25, 0.75),
 }
 #: least distance of the array from the outline, and of the array's corners from one another in height, over L
 MARGIN = 0.01
@@ -117,7 +140,7 @@ class Candidate:
         return face.contains(array) and shapely.LineString(self.outline).distance(array) >= MARGIN
 
     def misfit(self) -> float:
-        """How far lengths and areas are from the published counts: zero for lengths in their windows and areas of that many elements.
+        """How far lengths and areas are from the published counts; zero for lengths in their windows and areas that fit.
 
         100 for each characteristic length beyond a window, and half a square of an area's difference over its ``SCATTER``.
         """
@@ -187,7 +210,7 @@ def _counted(model, candidate: Candidate, size: float) -> dict[str, int]:
         return points[key]
 
     def chain(corners: np.ndarray) -> list[int]:
-        return [geo.addLine(point(a), point(b)) for a, b in zip(corners[:-1], corners[1:], strict=True)]
+        return [geo.addLine(point(a), point(b)) for a, b in pairwise(corners)]
 
     def bezier(corners: np.ndarray) -> int:
         return geo.addBezier([point(corners[0]), geo.addPoint(*corners[1], 0.0, size), point(corners[2])])
@@ -258,7 +281,7 @@ class Derivation:
 
 
 def derive(starts: int = 8, meshes: int = 200) -> Derivation:
-    """Walk from ``starts`` seeds and mesh ``meshes`` patterns of each; the result is the best one near the middle of those that fit.
+    """Walk from ``starts`` seeds and mesh ``meshes`` patterns of each; the result is the best near the middle of those that fit.
 
     Raises ``LimoError`` where none fits.
     """
@@ -280,7 +303,10 @@ def derive(starts: int = 8, meshes: int = 200) -> Derivation:
 
 
 def _middle(values: np.ndarray, meshes: int) -> tuple[Candidate, dict[str, int]]:
-    """Of patterns around the middle of those that fit the one whose rounded coordinates have counts next to the published ones."""
+    """Of patterns around the middle of those that fit the one whose rounded coordinates have the counts nearest to the published.
+
+    Raises ``LimoError`` where none of them fits.
+    """
     random, spread = np.random.default_rng(0), values.std(axis=0)
     best, best_counts, least = None, {}, np.inf
     for k in range(meshes):
