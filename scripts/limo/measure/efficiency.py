@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 #: pouch volume, over its largest, up to which the ratio says nothing, and the same of its change since P_a = 0
-SMALLEST_VOLUME, SMALLEST_CHANGE = 2.0e-2, 2.0e-3
+SMALLEST_VOLUME, SMALLEST_CHANGE = 1.0e-2, 2.0e-3
 
 
 def io_ratio(stroke_volume: np.ndarray, actuation_volume: np.ndarray) -> np.ndarray:

@@ -50,9 +50,10 @@ WINDOW = 1.99
 NODES, ELEMENTS = 25509, 8764
 #: how far the count of a patch may be from the published one: corners that move by 0.001 L change it by up to 1 %
 NOISE = 0.01
-#: mean area of an element in such meshes over the square of the characteristic length, by patch, and its relative scatter. They
-#: only guide the walk; what fits is decided by meshes
-ELEMENT_AREAS, SCATTER = {"background": 0.745, "inner_pouch": 0.808, "outer_pouch": 0.762}, 0.02
+#: elements of a patch in such meshes over its area in squares of the characteristic length: a first guess that guides a walk, and
+#: as a matrix of patches by measures
+_DENSITIES = (1.342, 1.238, 1.312)
+FIRST_GUESS = np.hstack([np.zeros((3, 1)), np.diag(_DENSITIES), np.zeros((3, 14))])
 #: what a walk starts and stays within: coordinates over L, first those of the outline, then of the array, last of the seam
 RANGES = {
     "outline_x1": (0.37, 0.53),
@@ -79,6 +80,8 @@ RANGES = {
 MARGIN = 0.01
 #: length of a walk's steps, over L, steps between two patterns that are meshed, steps before the first, and the first temperature
 STEP, THINNING, COOLING, HOT = 0.012, 60, 6000, 100.0
+#: meshes after which a walk learns what counts follow from
+LEARNING = 50
 
 
 @dataclass(frozen=True)
@@ -139,16 +142,21 @@ class Candidate:
             return False
         return face.contains(array) and shapely.LineString(self.outline).distance(array) >= MARGIN
 
-    def misfit(self) -> float:
-        """How far lengths and areas are from the published counts; zero for lengths in their windows and areas that fit.
+    def measures(self) -> np.ndarray:
+        """What counts follow from: one, areas and lengths (18,) in characteristic lengths."""
+        return np.concatenate([[1.0], self.areas() / SIZE**2, self.lengths() / SIZE])
 
-        100 for each characteristic length beyond a window, and half a square of an area's difference over its ``SCATTER``.
+    def misfit(self, surrogate: np.ndarray = FIRST_GUESS) -> float:
+        """How far the counts that are expected of it are from the published ones; zero where none differs.
+
+        100 for each characteristic length beyond the window of a curve. For a patch half a square of the relative difference over
+        ``NOISE``; the expected counts are ``surrogate`` (3, 18) times the measures.
         """
-        counts, units = np.array(list(CURVES.values())), self.lengths() / SIZE
+        counts, measures = np.array(list(CURVES.values())), self.measures()
+        units = measures[4:]
         outside = np.maximum(units - counts, 0.0) + np.maximum(counts - WINDOW - units, 0.0)
-        expected = np.array([n * ELEMENT_AREAS[patch] for patch, n in PATCHES.items()]) * SIZE**2
-        off = self.areas() / expected - 1
-        return float(100 * outside.sum() + 0.5 * ((off / SCATTER) ** 2).sum())
+        off = surrogate @ measures / np.array(list(PATCHES.values())) - 1
+        return float(100 * outside.sum() + 0.5 * ((off / NOISE) ** 2).sum())
 
     def rounded(self, digits: int = 3) -> Candidate:
         """The same with fewer digits."""
@@ -241,28 +249,35 @@ def fits(counts: Mapping[str, int], noise: float = NOISE) -> bool:
     return all(counts[c] == n for c, n in CURVES.items()) and all(abs(counts[p] / n - 1) <= noise for p, n in PATCHES.items())
 
 
-def walk(start: int, meshes: int) -> Iterator[Candidate]:
-    """Patterns whose lengths and areas agree with the published counts, from a random start; ``start`` is its seed.
+def walk(start: int, meshes: int) -> Iterator[tuple[Candidate, dict[str, int]]]:
+    """Patterns that should have the published counts, each with what its mesh counts, from a random start of seed ``start``.
 
-    Metropolis's walk with the density exp(-misfit / temperature) over the sound patterns. It cools to a temperature of 1 before
-    the first pattern is given away; then every ``THINNING``-th is.
+    Metropolis's walk with the density exp(-misfit / temperature) over the sound patterns cools to a temperature of 1. Then every
+    ``THINNING``-th pattern is meshed. After each ``LEARNING`` meshes the expected counts become those of a linear fit to all.
     """
     random = np.random.default_rng(start)
     low, high = np.array(list(RANGES.values())).T
     here = Candidate(random.uniform(low, high))
     while not here.is_sound():
         here = Candidate(random.uniform(low, high))
-    misfit = here.misfit()
+    surrogate, misfit = FIRST_GUESS, here.misfit()
+    measures, counted = [], []
     for step in range(COOLING + THINNING * meshes):
         temperature = max(1.0, HOT ** (1.0 - 1.3 * step / COOLING))
         chosen = random.random(len(low)) < random.choice([1.5, 4.0, 19.0]) / len(low)
         there = Candidate(here.values + np.where(chosen, random.normal(0.0, STEP, len(low)), 0.0))
         if there.is_sound():
-            other = there.misfit()
+            other = there.misfit(surrogate)
             if other < misfit or random.random() < np.exp((misfit - other) / temperature):
                 here, misfit = there, other
         if step >= COOLING and (step - COOLING) % THINNING == 0:
-            yield here
+            counts = count_elements(here)
+            measures.append(here.measures())
+            counted.append([counts[patch] for patch in PATCHES])
+            yield here, counts
+            if len(measures) % LEARNING == 0:
+                surrogate = np.linalg.lstsq(np.array(measures), np.array(counted, float))[0].T
+                misfit = here.misfit(surrogate)
 
 
 @dataclass(frozen=True)
@@ -288,9 +303,8 @@ def derive(starts: int = 8, meshes: int = 200) -> Derivation:
     kept: list[np.ndarray] = []
     rows, origins, meshed = [], [], 0
     for start in range(starts):
-        for candidate in walk(start, meshes):
+        for candidate, counts in walk(start, meshes):
             meshed += 1
-            counts = count_elements(candidate)
             if fits(counts):
                 kept.append(candidate.values)
                 rows.append(counts)
