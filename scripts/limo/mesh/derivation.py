@@ -14,12 +14,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import shapely
 
 from limo.errors import LimoError, MeshError
+from limo.store.files import write_whole
 
 #: characteristic length over the device's length: 40 elements on the valve edge, 0.7932 L, leave 0.0198 to 0.0209
 SIZE = 0.02
@@ -334,3 +336,34 @@ def _middle(values: np.ndarray, meshes: int) -> tuple[Candidate, dict[str, int]]
     if best is None or least >= NOISE:
         raise LimoError(f"no pattern near the middle of the {len(values)} that fit has the published counts")
     return best, best_counts
+
+
+def table_of(found: Derivation) -> pd.DataFrame:
+    """What is kept of a derivation, a row a coordinate (over L), a count, and a number of the run.
+
+    ``low`` and ``high`` are the 5th and 95th percentile of a coordinate over all patterns that fit, and the extremes of a count.
+    """
+    spread = np.percentile(found.values, [5, 95], axis=0)
+    rows = [
+        {"kind": "coordinate", "name": name, "value": found.result[name], "low": low, "high": high}
+        for name, low, high in zip(RANGES, *spread, strict=True)
+    ]
+    for kind, published in (("curve", CURVES), ("patch", PATCHES)):
+        for name, count in published.items():
+            each = found.all_counts[name]
+            ends = {"low": each.min(), "high": each.max(), "published": count}
+            rows.append({"kind": kind, "name": name, "value": found.counts[name], **ends})
+    run = {"starts": len(set(found.starts)), "meshed": found.meshed, "fit": len(found.values)}
+    run["nodes"] = published_nodes({c: found.counts[c] for c in CURVES}, found.counts)
+    rows += [{"kind": "run", "name": name, "value": value} for name, value in run.items()]
+    rows[-1]["published"] = NODES
+    return pd.DataFrame(rows, columns=["kind", "name", "value", "low", "high", "published"])
+
+
+def write_derivation(file: Path, starts: int, meshes: int) -> str:
+    """Derive the outline, keep its table, and return what to print: the result, how far its counts are off, and the freedom."""
+    found = derive(starts, meshes)
+    table = table_of(found)
+    write_whole(file, lambda path: table.to_csv(path, index=False, float_format="%.4g"))
+    shown = table.assign(off=table.value - table.published).drop(columns="published")
+    return shown.to_string(index=False, float_format=lambda value: f"{value:.3f}".rstrip("0").rstrip("."), na_rep="")
