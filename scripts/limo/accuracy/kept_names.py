@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,8 +19,16 @@ def kept_file(folder: Path, study: str) -> Path:
 
 
 def kept_name(case: Case) -> str:
-    """The name under which a run is kept: that of its case, whichever build of the engine solved it."""
-    return replace(case, build="").case_id
+    """The name under which a run is kept: that of its case, whichever build of the engine solved it, without its device's.
+
+    What decides a result is in the digest at its end, where the name of a device is not: a file may be renamed.
+    """
+    return without_device(replace(case, build="").case_id)
+
+
+def without_device(name: str) -> str:
+    """The name of a case without that of its device."""
+    return re.sub(r"^\w+?_(?=np\d+_pv)", "", name)
 
 
 def lacking(project: Project, name: str, folder: Path) -> list[bool]:
@@ -39,7 +48,7 @@ def names_in(file: Path) -> list[str]:
 
     try:
         with xr.open_dataset(file) as dataset:
-            return [*map(str, dataset.kept_name.values)]
+            return [without_device(str(name)) for name in dataset.kept_name.values]
     except UNREADABLE as error:
         raise unusable(file, error) from None
 

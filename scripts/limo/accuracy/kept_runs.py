@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from limo.accuracy.kept_names import kept_file, kept_name, lacking, names_in, unusable
+from limo.accuracy.kept_names import kept_file, kept_name, lacking, names_in, unusable, without_device
 from limo.accuracy.packing import filled, packed, padded, stacked
 from limo.accuracy.roles import is_kept, studies_of
 from limo.accuracy.runs import Run, naming, read_results
@@ -136,7 +136,7 @@ def read_runs(project: Project, name: str, file: Path) -> list[Run]:
         return []
     try:
         dataset = xr.load_dataset(file)
-        rows = {str(key): row for row, key in enumerate(dataset.kept_name.values)}
+        rows = {without_device(str(key)): row for row, key in enumerate(dataset.kept_name.values)}
         return [
             _kept_run(naming(project, name, point.variant), point.branch, case, dataset.isel(run=rows[kept_name(case)]))
             for point, case in study_cases(project, name).items()

@@ -19,7 +19,7 @@ from limo.engines.find import find_engine
 from limo.errors import ConfigError
 from limo.schema.accuracy import Airbag
 from limo.schema.config import PRESET_KEYS, Config
-from limo.schema.device import Device, Material
+from limo.schema.device import Device, Material, Pattern
 from limo.schema.element import element as find_element
 from limo.schema.figures import FIGURES, MEASURED, NEEDS
 from limo.schema.numerics import MeshLevel, Numerics
@@ -127,16 +127,26 @@ def check_study(known: Known, path: Path, study: Study) -> dict[str, Setting]:
     check_figures(path, study)
     for pressure in study.axes.ventricular_pressure:
         check_pressures(path, study, pressure)
-    for name in dict.fromkeys(setting.device_name for setting in settings.values()):
-        pattern = known.devices[name].pattern
+    for file, pattern in _patterns(known, path, settings):
         for scale in study.axes.width_scale or [pattern.width_scale]:
             scaled = pattern.model_copy(update={"width_scale": scale})
-            check_layouts(scaled, study.axes.n_pouches, known.files[f"devices/{name}"])
+            check_layouts(scaled, study.axes.n_pouches, file)
     return settings
 
 
+def _patterns(known: Known, path: Path, settings: Mapping[str, Setting]) -> list[tuple[Path, Pattern]]:
+    """The patterns of a study, each once, with the file that a mistake in it is in: the study's where it changes the device's."""
+    found: list[tuple[Path, Pattern]] = []
+    for setting in settings.values():
+        pattern, own = setting.device.pattern, known.devices[setting.device_name].pattern
+        file = known.files[f"devices/{setting.device_name}"] if pattern == own else path
+        if (file, pattern) not in found:
+            found.append((file, pattern))
+    return found
+
+
 def checked_setting(known: Known, path: Path, study: Study, name: str, variant: Variant) -> Setting:
-    """The setting of a variant, whose names must exist, and whose numerics and material must be valid."""
+    """The setting of a variant, whose names must exist, and whose numerics, pattern and material must be valid."""
     prefix = f"variants.{name}." if name else ""
     for where, numerics in (("", study.numerics), (prefix, variant.numerics)):
         if isinstance(numerics, str):
@@ -145,7 +155,8 @@ def checked_setting(known: Known, path: Path, study: Study, name: str, variant: 
     try:
         setting = setting_of(known.config, known.devices, study, variant)
     except ValidationError as error:
-        model, key = (Material, "material") if error.title == "Material" else (Numerics, "numerics")
+        models = {"Material": (Material, "material"), "Pattern": (Pattern, "pattern")}
+        model, key = models.get(error.title, (Numerics, "numerics"))
         section = f"{prefix if getattr(variant, key) else ''}{key}"
         mistake = explain(model, error, path)
         raise ConfigError(path, f"{section}.{mistake.key}", mistake.value, mistake.expected, mistake.example) from None

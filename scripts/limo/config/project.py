@@ -120,7 +120,8 @@ class Project:
     def settings(self, name: str) -> Mapping[str, Setting]:
         """What a study uses, by the names of its variants; without variants by an empty name.
 
-        Raises pydantic's ``ValidationError`` if overridden numerics or material are invalid, ``KeyError`` for an unknown name.
+        Raises pydantic's ``ValidationError`` if overridden numerics, pattern or material are invalid, and ``KeyError`` for an
+        unknown name.
         """
         if name not in self._settings:
             study = self.studies[name]

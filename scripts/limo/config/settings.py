@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from limo.schema.config import Config, Preset
-from limo.schema.device import Device, Material
+from limo.schema.device import Device, Material, Pattern
 from limo.schema.numerics import Mesh, Numerics
 from limo.schema.study import Study, Variant
 
@@ -41,7 +41,8 @@ def default_of(config: Config, preset: str | None = None) -> Config | Preset:
 def setting_of(config: Config, devices: Mapping[str, Device], study: Study, variant: Variant) -> Setting:
     """What one variant of a study uses.
 
-    Raises pydantic's ``ValidationError`` if the overridden numerics or material are invalid, ``KeyError`` for an unknown name.
+    Raises pydantic's ``ValidationError`` if the overridden numerics, pattern or material are invalid, ``KeyError`` for an unknown
+    name.
     """
     default = default_of(config, study.preset)
     mesh = study.mesh or default.mesh
@@ -50,6 +51,9 @@ def setting_of(config: Config, devices: Mapping[str, Device], study: Study, vari
     preset, numerics = _numerics(config, default.numerics, study, variant)
     device_name = variant.device or study.device
     device = devices[device_name]
+    if change := _merged(study.pattern, variant.pattern):
+        plain = device.pattern.model_dump(exclude_none=True)
+        device = device.model_copy(update={"pattern": Pattern.model_validate(_merged(plain, change))})
     if change := study.material | variant.material:
         device = device.model_copy(update={"material": Material.model_validate(device.material.model_dump() | change)})
     return Setting(device_name, device, mesh, preset, numerics, variant.engine or study.engine or default.engine)

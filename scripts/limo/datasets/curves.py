@@ -6,7 +6,7 @@ import numpy as np
 import xarray as xr
 
 from limo.datasets.variables import CURVE_DIMS, VARIABLES
-from limo.measure.efficiency import efficiency_at_stroke, io_ratio
+from limo.measure.efficiency import efficiency_at_stroke, io_ratio, io_ratio_of_change
 from limo.measure.ramp import ramp_of
 from limo.store.statuses import MISSING
 
@@ -45,7 +45,8 @@ def curves(
     pressures = np.where(np.isclose(pressures, pressure[-1], rtol=1e-6, atol=1e-6), pressure[-1], pressures)
     for name, values in known.items():
         result[name] = np.interp(pressures, pressure, values, right=np.nan)
-    result["io_ratio"] = io_ratio(result["stroke_volume"], result["actuation_volume_change"])
+    result["io_ratio"] = io_ratio(result["stroke_volume"], result["actuation_volume"])
+    result["io_ratio_of_change"] = io_ratio_of_change(result["stroke_volume"], result["actuation_volume_change"])
     eta, reached = efficiency_at_stroke(pressure, ventricular_pressure, stroke, change, STROKE_FOR_EFFICIENCY)
     return result | {"efficiency_90ml": eta, "pressure_90ml": reached}
 

@@ -53,7 +53,7 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
         axis.set_title(f"$P_v$ = {p_v:g} kPa", fontsize=9)
     for axis in lower[len(pressures) :]:
         axis.set_visible(False)
-    lower[0].set_ylabel("Ratio $\\Delta V_v / \\Delta V_a$ [-]")
+    lower[0].set_ylabel("Ratio $\\Delta V_v / V_a$ [-]")
     handles = [Line2D([], [], color=COLORS[j % len(COLORS)], label=f"$P_v$ = {p:g} kPa") for j, p in enumerate(pressures)]
     handles += [Line2D([], [], color="0.4", lw=_width(k), label=f"$N_p$ = {n}") for k, n in enumerate(dataset.n_pouches.values)]
     handles += laid_over

@@ -26,7 +26,7 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None, shapes: xr.Dataset)
     panels = (
         ("actuation_volume_change", "Actuation volume $\\Delta V_a$ [ml]"),
         ("stroke_volume", "Stroke volume $\\Delta V_v$ [ml]"),
-        ("io_ratio", "Ratio $\\Delta V_v / \\Delta V_a$ [-]"),
+        ("io_ratio", "Ratio $\\Delta V_v / V_a$ [-]"),
     )
     for letter, axis in zip("abcd", axes, strict=True):
         axis.set_title(f"({letter})", loc="left")

@@ -36,7 +36,7 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
     panels = (
         (axes[0], "actuation_volume_change", "Actuation volume $\\Delta V_a$ [ml]"),
         (axes[1], "stroke_volume", "Stroke volume $\\Delta V_v$ [ml]"),
-        (axes[2], "io_ratio", "Ratio $\\Delta V_v / \\Delta V_a$ [-]"),
+        (axes[2], "io_ratio", "Ratio $\\Delta V_v / V_a$ [-]"),
     )
     pressure = dataset.actuation_pressure.values
     spread = every.stack(case=dims) if dims else every.expand_dims("case")

@@ -81,7 +81,7 @@ def curve(axis, case: xr.Dataset, name: str, color: str, **looks) -> None:
 
     ``looks``: what else matplotlib's ``plot`` takes. Without the output contact, nothing is known of that and nothing lighter.
     """
-    pressure, values = case.actuation_pressure.values, case[name].values
+    pressure, values = case.actuation_pressure.values, drawn(case, name).values
     touching = float(case.contact_front_back) if "contact_front_back" in case else np.nan
     clear = ~(pressure > touching)
     axis.plot(pressure[clear], values[clear], line_of(case), color=color, **looks)
@@ -91,10 +91,18 @@ def curve(axis, case: xr.Dataset, name: str, color: str, **looks) -> None:
         axis.plot(pressure[light], values[light], line_of(case), color=color, alpha=FADED, **{**looks, "label": None})
 
 
+def drawn(case: xr.Dataset, name: str) -> xr.DataArray:
+    """A curve as it is drawn: the ratio from P_v on, below which nothing inflates and V_a is that of layers in each other."""
+    values = case[name]
+    if name != "io_ratio" or "ventricular_pressure" not in case.coords:
+        return values
+    return values.where(case.actuation_pressure >= case.ventricular_pressure)
+
+
 def band(axis, case: xr.Dataset, name: str, color: str, zorder: float = 1) -> None:
     """Shade what the branches of a case reach of a curve, from the lowest to the highest; nothing where there is one."""
     if "branch" in case.dims:
-        values = case[name]
+        values = drawn(case, name)
         low, high = values.min("branch"), values.max("branch")
         axis.fill_between(case.actuation_pressure, low, high, color=color, alpha=0.25, lw=0, zorder=zorder)
 

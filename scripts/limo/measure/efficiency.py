@@ -4,17 +4,31 @@ from __future__ import annotations
 
 import numpy as np
 
-#: actuation volume change, over its largest, below which a ratio of two near-zero volumes says nothing
-SMALLEST_CHANGE = 2.0e-3
+#: pouch volume, over its largest, up to which the ratio says nothing, and the same of its change since P_a = 0
+SMALLEST_VOLUME, SMALLEST_CHANGE = 1.0e-2, 2.0e-3
 
 
-def io_ratio(stroke_volume: np.ndarray, actuation_volume_change: np.ndarray) -> np.ndarray:
+def io_ratio(stroke_volume: np.ndarray, actuation_volume: np.ndarray) -> np.ndarray:
+    """Delta V_v / V_a (n,): stroke since P_a = 0 over the total pouch volume (paper, *Deformation and pressure-volume*).
+
+    NaN while the pouches hold hardly anything. Without contact V_a is negative at rest, where the epicardium lies inside the
+    endocardium, and passes through zero on its way.
+    """
+    return _over(stroke_volume, actuation_volume, SMALLEST_VOLUME)
+
+
+def io_ratio_of_change(stroke_volume: np.ndarray, actuation_volume_change: np.ndarray) -> np.ndarray:
     """Delta V_v / Delta V_a (n,), both from P_a = 0; NaN while the actuation volume has hardly changed."""
-    change = np.asarray(actuation_volume_change, float)
-    if not len(change) or not np.isfinite(change).any():
-        return np.full(len(change), np.nan)
-    usable = change > SMALLEST_CHANGE * np.nanmax(change)
-    return np.where(usable, stroke_volume / np.where(usable, change, 1.0), np.nan)
+    return _over(stroke_volume, actuation_volume_change, SMALLEST_CHANGE)
+
+
+def _over(stroke_volume: np.ndarray, volume: np.ndarray, smallest: float) -> np.ndarray:
+    """Their ratio where ``volume`` is more than a share of its largest value, and that is positive; else NaN."""
+    volume = np.asarray(volume, float)
+    if not len(volume) or not np.isfinite(volume).any():
+        return np.full(len(volume), np.nan)
+    usable = volume > smallest * max(np.nanmax(volume), 0.0)
+    return np.where(usable, stroke_volume / np.where(usable, volume, 1.0), np.nan)
 
 
 def works(

@@ -9,6 +9,7 @@ case, so that days of solving may be spread over days, and over machines.
 from __future__ import annotations
 
 import hashlib
+import json
 import re
 import shutil
 import tempfile
@@ -33,6 +34,7 @@ from limo.datasets.study import gather_study
 from limo.errors import LimoError
 from limo.figures import style, tensile_test
 from limo.reports.markdown import markdown_table
+from limo.schema.device import Pattern
 from limo.schema.figures import SHAPES
 from limo.store.files import write_netcdf, write_whole
 from limo.store.results import Results
@@ -255,12 +257,25 @@ def page_of(loaded: Project, gallery: Path) -> str:
             "them, without a solver. A case that several studies share was solved once and counts in each. The last column is a "
             "hash of the resolved configuration, which each dataset holds as its attribute `config`.",
             *([further] * bool(sets)),
+            *_devices(loaded, gallery, names),
             *([unkept] * bare),
             markdown_table(pd.DataFrame(rows)),
             f"Together {len(distinct)} distinct cases, {duration(sum(distinct.values()))} of CPU.",
             *sections,
         ]
     ) + "\n"  # fmt: skip
+
+
+def _devices(loaded: Project, gallery: Path, names: Iterable[str]) -> list[str]:
+    """A sentence on the devices that the datasets are of, by the names that they have in the configuration now."""
+    described: dict[str, None] = {}
+    for name in names:
+        for setting in json.loads(_read(gallery / "data" / f"{name}.nc").attrs["config"])["settings"].values():
+            pattern = Pattern.model_validate(setting["device"]["pattern"])
+            known = [n for n, device in loaded.devices.items() if device.pattern == pattern]
+            called = f"`{known[0]}`" if known else "a device that is not in the configuration"
+            described[f"{called} (L = {pattern.length:g} mm, width_scale {pattern.width_scale:g})"] = None
+    return [f"These data are of {', '.join(described)}."] if described else []
 
 
 def _band(dataset: xr.Dataset) -> list[str]:

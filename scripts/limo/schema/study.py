@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from typing import Annotated, Any, Literal, get_args
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, field_validator, model_serializer, model_validator
 
 from limo.schema.bench import MeasuredCurves
 from limo.schema.figures import SHAPES
@@ -45,7 +46,25 @@ class Axes(Section):
         return values
 
 
-class Variant(Section):
+class _OfAPattern(Section):
+    """What may change the pattern of a device. Where nothing does, plain data are as they were before the key came."""
+
+    pattern: dict[str, Any] = Field(
+        {},
+        description="what differs in the pattern of the device, keys left out are the device's; "
+        "of a variant, keys left out are the study's",
+        examples=[{"length": 140.0, "seams": {"fractions": {6: [0.55]}}}],
+    )
+
+    @model_serializer(mode="wrap")
+    def _without_empty_pattern(self, plain: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
+        data = plain(self)
+        if not self.pattern:
+            data.pop("pattern", None)
+        return data
+
+
+class Variant(_OfAPattern):
     """What one variant of a study has instead of the study's own."""
 
     description: str = Field("", description="a few words", examples=["half of the device"])
@@ -77,7 +96,7 @@ Role = Literal["accuracy", "reference", "referee", "scatter", "shells"]
 ROLES = get_args(Role)
 
 
-class Study(Section):
+class Study(_OfAPattern):
     """A grid of cases and what is wanted of them."""
 
     description: str = Field("", description="one sentence", examples=["pressure-volume curves"])

@@ -184,7 +184,7 @@ def measured_table(project: Project, name: str, results: Path, measured: Measure
     return "\n".join(lines)
 
 
-_LABELS = {"io_ratio": "dV_v/dV_a", "stroke_volume": "stroke", "actuation_volume_change": "dV_a"}
+_LABELS = {"io_ratio": "dV_v/V_a", "stroke_volume": "stroke", "actuation_volume_change": "dV_a"}
 
 
 def _percent(value: xr.DataArray) -> str:

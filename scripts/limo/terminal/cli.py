@@ -20,6 +20,7 @@ COMMANDS = (
     studies.add_new_study,
     devices.add_pattern,
     devices.add_import_pattern,
+    devices.add_derive_outline,
     studies.add_status,
     studies.add_sweep,
     cases.add_show,

@@ -574,10 +574,10 @@ def test_a_broken_device_breaks_its_studies_and_no_others(folder):
 def test_the_stress_test_of_a_broken_device_is_left_out(folder):
     add(folder, "small", device="mini_limo", figures=[])
     edit(folder / CONFIG, ("studies",), ["small"])
-    edit(folder / DEVICE, ("patern",), {})
+    edit(folder / "devices/limo_2025.yaml", ("patern",), {})
     project = load_config(folder / CONFIG, [ALL])
     assert (project.config.stress_test, project.config.scaling) == (None, None)
-    with pytest.raises(ConfigError, match=r"limo\.yaml: patern"):
+    with pytest.raises(ConfigError, match=r"limo_2025\.yaml: patern"):
         project.require_sound("stress_test")
     edit(folder / CONFIG, ("stress_test", "device"), "nobody")
     with pytest.raises(ConfigError, match=r"config\.yaml: stress_test\.device"):

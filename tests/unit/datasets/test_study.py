@@ -94,7 +94,8 @@ def test_curves_are_interpolated_to_the_pressures_of_the_study(gathered):
     np.testing.assert_allclose(case.actuation_volume_change[inside], FILLING * pressure[inside], atol=1e-9)
     np.testing.assert_allclose(case.ventricle_volume[inside], 400 - STROKE * pressure[inside])
     np.testing.assert_allclose(case.actuation_volume[inside], 2 + FILLING * pressure[inside])
-    np.testing.assert_allclose(case.io_ratio[inside][1:], STROKE / FILLING)
+    np.testing.assert_allclose(case.io_ratio[inside], STROKE * pressure[inside] / (2 + FILLING * pressure[inside]), atol=1e-9)
+    np.testing.assert_allclose(case.io_ratio_of_change[inside][1:], STROKE / FILLING)
     assert np.isfinite(case.stroke_volume[inside]).all(), "up to and with P_a,max"
     for name, variable in VARIABLES.items():
         if variable.dims == CURVE_DIMS:

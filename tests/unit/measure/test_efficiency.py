@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from limo.measure.efficiency import efficiency_at_stroke, first_crossing, io_ratio, works
+from limo.measure.efficiency import efficiency_at_stroke, first_crossing, io_ratio, io_ratio_of_change, works
 
 PRESSURE = np.linspace(0.0, 60.0, 61)  # kPa
 VENTRICULAR = 3.8
@@ -27,6 +27,17 @@ def test_lever_of_volumes_that_were_not_measured_is_nan():
     np.testing.assert_allclose(ratio[1:40], 1.5)
     assert np.isnan(io_ratio(np.full(3, np.nan), np.full(3, np.nan))).all()
     assert len(io_ratio(np.array([]), np.array([]))) == 0
+
+
+def test_lever_is_that_over_all_that_pouches_hold_and_not_over_its_change():
+    """Layers through each other at rest: V_a begins at -10 ml, so 100 ml of change are 90 ml of air."""
+    stroke, volume = line(3.0), line(100 / 60) - 10.0
+    np.testing.assert_allclose(io_ratio(stroke, volume)[-1], 180 / 90)
+    np.testing.assert_allclose(io_ratio_of_change(stroke, volume - volume[0])[-1], 180 / 100)
+    empty = volume <= 0.9
+    assert np.isnan(io_ratio(stroke, volume)[empty]).all(), "pouches without air have no ratio"
+    assert np.isfinite(io_ratio(stroke, volume)[~empty]).all()
+    assert np.isnan(io_ratio(stroke, -volume - 100)).all(), "nor have pouches that never hold any"
 
 
 def test_works_of_straight_curves_are_areas_under_them():

@@ -41,8 +41,10 @@ def curve_set(axes, most, ratio, eta, onset=None):
     ratios = (1 + (lever - 1) * (change / full)).where(change > 0)
     dataset = xr.Dataset(
         {
+            "actuation_volume": change,
             "actuation_volume_change": change,
             "io_ratio": ratios,
+            "io_ratio_of_change": ratios,
             "stroke_volume": (change * ratios.fillna(1.0)).where(change.notnull()),
             "ventricle_volume": 300.0 - change,
             "efficiency_90ml": (dims, np.broadcast_to(eta, shape).copy()),
@@ -174,12 +176,75 @@ def test_a_statement_that_does_not_hold_is_told_apart(data, statement):
     if change is None:  # another course of the pouches' volume: even, from zero on
         dataset = data[study]
         even = dataset.actuation_pressure / dataset.actuation_pressure.max() * 100.0
-        data[study] = dataset.assign(actuation_volume_change=even.where(dataset.actuation_volume_change.notnull()))
+        even = even.where(dataset.actuation_volume.notnull())
+        data[study] = dataset.assign(actuation_volume=even, actuation_volume_change=even)
     else:
         data[study] = change(data[study].copy(deep=True))
     row = table(data).loc[statement]
     assert row.verdict in ("partly", "not")
     assert row["what is known"].endswith(".")
+
+
+LEVER, STARTS = "less in, more out: the ratio exceeds one for all devices", "the ratio starts close to one"
+HIGHER, GROWS = "fewer pouches, higher ratio", "V_a starts to grow when P_a comes near P_v"
+
+
+def touching(dataset, pressure):
+    """The dataset with a contact of front and back from a pressure (kPa) on, in all cases."""
+    return dataset.assign(contact_front_back=0 * dataset.efficiency_90ml + pressure)
+
+
+def test_the_reading_of_each_judge_stands_in_the_table(data):
+    rows = table(data)
+    assert rows.reading.str.len().min() > 15
+    assert rows.reading["efficiency over AR"].startswith("N_p = 6: "), "the device that the paper calls representative"
+    assert (rows["read otherwise"] == "").all(), "no other reading has another verdict here"
+    assert {len(s.readings) for s in STATEMENTS if s.text in (LEVER, STARTS, HIGHER, GROWS)} <= {2, 3}
+
+
+def test_what_is_described_over_the_ramp_ends_at_contact(data):
+    """Far beyond contact the ratio collapses: before it all holds, and to judge at P_a,max is another reading."""
+    afterload = data["afterload"]
+    late = afterload.actuation_pressure >= 50.0
+    collapsed = touching(afterload.assign(io_ratio=afterload.io_ratio.where(~late, 0.5 * afterload.io_ratio)), 50.0)
+    row = table(data | {"afterload": collapsed}).loc[LEVER]
+    assert row.verdict == "reproduced"
+    assert "cases before contact" in row.ours
+    assert row["read otherwise"].startswith("Delta V_v / V_a at P_a,max: ")
+    assert "of 12 cases at P_a,max" in row["read otherwise"]
+    steep = 5.0 * (afterload.actuation_pressure - 50.0).clip(0.0)
+    snapped = touching(afterload.assign(actuation_volume=afterload.actuation_volume + 100.0 * steep), 50.0)
+    assert table(data | {"afterload": snapped}).loc[GROWS, "verdict"] == "reproduced", "the steepest rise comes after contact"
+    unlimited = snapped.drop_vars("contact_front_back")
+    assert table(data | {"afterload": unlimited}).loc[GROWS, "verdict"] == "not"
+
+
+def test_the_ratio_begins_when_pouches_inflate(data):
+    """Layers through each other at rest: the change of V_a runs ahead of the stroke, V_a does not."""
+    afterload = data["afterload"]
+    row = table(data | {"afterload": assigned("io_ratio_of_change", 0.5)(afterload)}).loc[STARTS]
+    assert row.verdict == "reproduced"
+    assert "over the change of V_a, when 5 % of that is reached: not" in row["read otherwise"]
+
+
+def test_a_higher_ratio_is_one_over_the_common_ramp(data):
+    """N_p = 4 leads until it would touch, and lies below the others at its P_a,max."""
+    afterload = data["afterload"].copy(deep=True)
+    late = {"n_pouches": 4, "actuation_pressure": slice(40.0, None)}
+    afterload.io_ratio.loc[late] *= 0.3
+    contact = touching(afterload, 40.0)
+    row = table(data | {"afterload": contact}).loc[HIGHER]
+    assert row.verdict == "reproduced"
+    assert f"partly ({6} of 9" in row["read otherwise"]
+
+
+def test_designs_are_judged_for_each_number_of_pouches_that_the_paper_may_mean(data):
+    valve = data["valve_support"]
+    both = xr.concat([valve.isel(n_pouches=0), 0.5 * valve.isel(n_pouches=0).drop_vars("case_status")], "n_pouches")
+    both = both.assign(case_status=valve.case_status.isel(n_pouches=0)).assign_coords(n_pouches=[6, 8])
+    row = table(data | {"valve_support": both}).loc["efficiency over AR"]
+    assert row.verdict == "reproduced"
+    assert row["read otherwise"].startswith("N_p = 8: every AR within one point of that range: not (0 of 5")
 
 
 def test_the_largest_jump_counts_and_another_near_the_papers_in_part(data):

@@ -70,3 +70,29 @@ def _import_pattern(chosen: argparse.Namespace) -> None:
     settled = chosen.name, tuple(chosen.map), chosen.units, chosen.tolerance, chosen.half, chosen.fabric
     made, *says, picture = import_pattern(Request(chosen.file, *settled), chosen.config, chosen.to, replace=chosen.replace)
     print(made, *(f"  {line}" for line in says), picture, sep="\n")
+
+
+def add_derive_outline(commands: arguments.Commands) -> None:
+    """``limo derive-outline``."""
+    made = commands.add(
+        _derive_outline,
+        "derive-outline",
+        "derive the flat pattern of limo from the counts of its authors' mesh: residuals, and what remains free",
+        "--starts 2 --meshes 100",
+        "--table docs/data/outline.csv",
+    )
+    made.add_argument("--starts", type=int, default=8, metavar="N", help="random starts (default: %(default)s)")
+    made.add_argument("--meshes", type=int, default=300, metavar="N", help="meshes of a start (default: %(default)s)")
+    made.add_argument("--table", type=Path, default=Path("results/outline.csv"), help="its table (default: %(default)s)")
+
+
+def _derive_outline(chosen: argparse.Namespace) -> None:
+    from limo.errors import ConfigError
+    from limo.mesh.derivation import write_derivation
+
+    for key in ("starts", "meshes"):
+        if getattr(chosen, key) < 1:
+            example = "limo derive-outline --starts 8 --meshes 300"
+            raise ConfigError("limo derive-outline", f"--{key}", getattr(chosen, key), "1 or more", example)
+    print(write_derivation(chosen.table, chosen.starts, chosen.meshes))
+    print(chosen.table)

@@ -1,0 +1,54 @@
+"""The generated parts of ``docs/geometry.md``: the derived outline, what its mesh counts, and what remains free."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pandas as pd
+
+from limo.reports.markdown import markdown_table, read_rows
+
+#: kept by ``limo derive-outline --table``
+TABLE = Path("docs/data/outline.csv")
+_COLUMNS = ("kind", "name", "value", "low", "high", "published")
+
+
+def parts(root: Path) -> dict[str, Callable[[], str]]:
+    """What makes the text of each part. Raises ``ResultError`` for a table that cannot be read."""
+
+    def rows() -> pd.DataFrame:
+        return read_rows(root / TABLE, "a derived outline", _COLUMNS).set_index("name")
+
+    return {"outline": lambda: _outline(rows()), "counts": lambda: _counts(rows())}
+
+
+def _outline(rows: pd.DataFrame) -> str:
+    """Coordinates with the range of those that fit equally."""
+    found = rows[rows.kind == "coordinate"]
+    table = pd.DataFrame(
+        {
+            "coordinate over L": [f"`{name}`" for name in found.index],
+            "`limo`": [f"{value:.3f}" for value in found.value],
+            "5 to 95 % of those that fit": [f"{low:.3f} to {high:.3f}" for low, high in zip(found.low, found.high, strict=True)],
+        }
+    )
+    run = rows[rows.kind == "run"].value.astype(int)
+    sentence = f"{run.fit} of {run.meshed} patterns from {run.starts} random starts fit."
+    return f"{sentence}\n\n{markdown_table(table)}"
+
+
+def _counts(rows: pd.DataFrame) -> str:
+    """Elements of the published mesh and of that of the result."""
+    found = rows[rows.kind.isin(["curve", "patch"])]
+    table = pd.DataFrame(
+        {
+            "curve or patch": [name.replace("_", " ") for name in found.index],
+            "published": found.published.astype(int).to_list(),
+            "`limo`": found.value.astype(int).to_list(),
+            "those that fit": [f"{int(low)} to {int(high)}" for low, high in zip(found.low, found.high, strict=True)],
+        }
+    )
+    nodes = rows.loc["nodes"]
+    sentence = f"The whole mesh would have {int(nodes.value)} nodes; the published one has {int(nodes.published)}."
+    return f"{markdown_table(table)}\n\n{sentence}"
