@@ -31,6 +31,7 @@ from limo.accuracy.statistics import exponent, pareto, richardson, rows_of, sett
 from limo.accuracy.surfaces import CLOUD, STEP, Surface, sampled, section
 from limo.accuracy.table import gather_errors, joined, read_errors, write_errors
 from limo.cases.grid import study_cases
+from limo.config.project import Project
 from limo.errors import ResultError
 from limo.figures import style
 from limo.mesh.surface import mirrors
@@ -315,6 +316,11 @@ def test_kept_runs_survive_their_file(kept_runs, loaded, tmp_path):
         np.testing.assert_array_equal(one.surface.quads, other.surface.quads)
         np.testing.assert_allclose(one.surface.points, other.surface.points, atol=0.5 * STEP + 1e-6)
     assert lacking(loaded, "reference_np4", tmp_path) == [False, False, True, True, True]
+    renamed = loaded.studies["reference_np4"].model_copy(update={"device": "renamed"})
+    devices = {**loaded.devices, "renamed": loaded.devices["limo_2025"]}
+    called = Project(loaded.config, devices, {"reference_np4": renamed}, loaded.files)
+    assert lacking(called, "reference_np4", tmp_path) == [False, False, True, True, True], "the name decides nothing"
+    assert len(read_runs(called, "reference_np4", file)) == 2
     coarser = loaded.studies["reference_np4"].model_copy(update={"mesh": Mesh(level="medium")})
     other = loaded.with_builds({"newton": "another"})
     assert len(read_runs(other, "reference_np4", file)) == 2, "the same cases by another build"

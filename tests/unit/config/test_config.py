@@ -571,6 +571,51 @@ def test_a_broken_device_breaks_its_studies_and_no_others(folder):
         project.require_device("nobody", "limo pattern", "DEVICE", "limo pattern limo 6")
 
 
+# --------------------------------------------------------------------------------------------------------------------
+# changes of the pattern
+
+NEAR = {"seams": {"fractions": {10: [0.4, 1.2]}}}
+
+
+def test_a_study_and_its_variants_change_keys_of_the_pattern(folder):
+    variants = {"as_it_is": {}, "long": {"pattern": {"length": 140.0}}, "near": {"pattern": NEAR}}
+    edit(folder / STUDY, ("variants",), variants)
+    edit(folder / STUDY, ("pattern",), {"width_scale": 0.95})
+    project = load_config(folder / CONFIG, strict=True)
+    own, settings = project.devices["limo"].pattern, project.settings("pressure_volume")
+    found = {name: settings[name].device.pattern for name in variants}
+    assert {name: p.width_scale for name, p in found.items()} == dict.fromkeys(variants, 0.95)
+    assert found["long"].length == 140.0
+    assert found["near"].seams.fractions == own.seams.fractions | {10: [0.4, 1.2]}, "other numbers of pouches stay"
+    assert found["as_it_is"].outline == own.outline
+    cases = study_cases(project, "pressure_volume")
+    assert len({case.mesh_id for case in cases.values()}) == 3
+
+
+def test_a_study_without_changes_of_the_pattern_is_named_as_ever(folder):
+    project = load_config(folder / CONFIG, strict=True)
+    assert "pattern" not in project.content("pressure_volume")["study"]
+    edit(folder / STUDY, ("pattern",), {"length": 140.0})
+    assert load_config(folder / CONFIG, strict=True).content("pressure_volume")["study"]["pattern"] == {"length": 140.0}
+
+
+@pytest.mark.parametrize(
+    ("pattern", "key", "words"),
+    [
+        ({"seams": {"fractions": {10: [0.5, 1.9]}}}, "seams (n_pouches = 10)", "stay inside"),
+        ({"seams": {"fractions": {10: [0.5]}}}, "pattern.seams.fractions", "for 10 pouches 2 seam(s)"),
+        ({"lenght": 140.0}, "pattern.lenght", "no such key"),
+        ({"length": -1.0}, "pattern.length", "greater than or equal to 1"),
+    ],
+)
+def test_a_changed_pattern_that_cannot_be_is_a_mistake_of_the_study(folder, pattern, key, words):
+    edit(folder / STUDY, ("pattern",), pattern)
+    error = error_of(folder)
+    assert error.key == key
+    assert words in str(error)
+    assert "pressure_volume.yaml" in str(error)
+
+
 def test_the_stress_test_of_a_broken_device_is_left_out(folder):
     add(folder, "small", device="mini_limo", figures=[])
     edit(folder / CONFIG, ("studies",), ["small"])

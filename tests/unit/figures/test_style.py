@@ -4,6 +4,7 @@ from io import BytesIO
 
 import numpy as np
 import pytest
+import xarray as xr
 from PIL import Image
 
 from limo.figures import style
@@ -26,6 +27,13 @@ def saved(tmp_path):
         return (tmp_path / "picture.png").read_bytes()
 
     return save
+
+
+def test_the_ratio_is_drawn_from_the_ventricular_pressure_on():
+    curves = {n: ("actuation_pressure", [9.0, 5.0, 1.0, 1.2]) for n in ("io_ratio", "stroke_volume")}
+    case = xr.Dataset(curves, coords={"actuation_pressure": [0.0, 2.0, 4.0, 6.0], "ventricular_pressure": 3.8})
+    np.testing.assert_array_equal(style.drawn(case, "io_ratio"), [np.nan, np.nan, 1.0, 1.2])
+    np.testing.assert_array_equal(style.drawn(case, "stroke_volume"), case.stroke_volume)
 
 
 def pixels(png: bytes) -> np.ndarray:

@@ -13,6 +13,9 @@ from limo.mechanics.equilibrium import residual
 from limo.mechanics.layer import flat_points, inside_out, layer_state, surface_points
 from limo.schema.numerics import Mesh
 
+#: on the coarse mesh of ``limo`` the top 5 % of the area end amid equal copies of one point, which rounding tells apart
+DEVICE = "limo_2025"
+
 
 def symmetric_state(model):
     """Displacements (n, 3) that are mirror images in x = 0 and z = 0 and zero in z at the outer edge."""
@@ -39,13 +42,13 @@ def symmetric_state(model):
 
 @pytest.fixture(scope="module")
 def quarter(make_case, device_mesh):
-    return build_model(make_case(), device_mesh())
+    return build_model(make_case(), device_mesh(DEVICE))
 
 
 @pytest.mark.parametrize("symmetry", ["front_back", "full"])
 def test_a_part_is_measured_like_the_whole(make_case, device_mesh, quarter, symmetry):
     mesh = Mesh(level="preview", symmetry=symmetry, element="C3D20R")
-    whole = build_model(make_case(mesh=mesh), device_mesh("limo", 8, symmetry))
+    whole = build_model(make_case(mesh=mesh), device_mesh(DEVICE, 8, symmetry))
     found = []
     for model in (quarter, whole):
         u = symmetric_state(model)

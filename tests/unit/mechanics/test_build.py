@@ -12,7 +12,7 @@ from limo.mesh.elements import gauss, quad8_shape
 from limo.schema.numerics import Mesh
 
 SYMMETRIES = ("full", "front_back", "quarter")
-QUARTER_PERIMETER = 0.3966 * 140.0
+QUARTER_PERIMETER = 0.3966 * 125.0
 
 
 @pytest.fixture

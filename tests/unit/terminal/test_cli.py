@@ -18,6 +18,7 @@ from limo.terminal.completion import script
 COMMANDS = (
     "check", "new-study", "pattern", "status", "sweep", "show", "compare", "table", "benchmark", "performance", "clean",
     "completion", "paper-check", "gallery", "page", "accuracy", "reliability", "import-pattern", "docs", "tensile", "measured",
+    "derive-outline",
 )  # fmt: skip
 
 
@@ -152,7 +153,10 @@ def ask(line, tmp_path, *options):
         ("status --cores 8 press", {"pressure_volume"}),
         ("status pressure_volume press", set()),
         ("status --cores ", set()),
-        ("check --draw s", {"svg", "stress", "strain_paths", "symmetry", "scatter_np4", "scatter_np8", "shells_np4"}),
+        (
+            "check --draw s",
+            {"svg", "stress", "strain_paths", "symmetry", "scatter_np4", "scatter_np8", "shells_np4", "seam_positions"},
+        ),
         ("check --config conf", {"config/"}),
         ("pattern m", {"mini_limo"}),
         ("pattern limo --w", {"--width-scale"}),
