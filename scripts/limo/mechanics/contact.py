@@ -87,34 +87,36 @@ def _paired(mesh: DeviceMesh, lower: np.ndarray, upper: np.ndarray) -> tuple[np.
 
 
 class Touching:
-    """Energy, forces and tangent of a contact between surfaces that are at ``rest`` (n, 3) in mm before they move."""
+    """Energy and forces of a contact between surfaces that are at ``rest`` (n, 3) in mm before they move.
+
+    At ``POINTS`` squared points: ``values`` (g, 8) of shape functions, their two ``slopes`` (g, 8), ``weights`` (g,), A_0 of
+    pairs ``pair_area`` (q, g) and A_0 times weights of the plane ``plane_area`` (p, g).
+    """
 
     def __init__(self, contact: Contact, rest: np.ndarray):
         self.contact, self._rest = contact, rest
         local, weights = gauss(POINTS, 2)
-        self._values, slopes = quad8_shape(local)
-        self._slopes = slopes[:, :, 0], slopes[:, :, 1]
-        self._plane_area = self._areas(contact.plane) * weights
-        self._pair_area = self._areas(contact.lower)
-        self._weights = weights
+        self.values, slopes = quad8_shape(local)
+        self.slopes = np.ascontiguousarray(slopes[:, :, 0]), np.ascontiguousarray(slopes[:, :, 1])
+        self.plane_area = self._areas(contact.plane) * weights
+        self.pair_area = self._areas(contact.lower)
+        self.weights = weights
 
     def _areas(self, quads: np.ndarray) -> np.ndarray:
-        first, second = (np.einsum("gn,mnk->mgk", slope, self._rest[quads]) for slope in self._slopes)
+        first, second = (np.einsum("gn,mnk->mgk", slope, self._rest[quads]) for slope in self.slopes)
         return np.linalg.norm(np.cross(first, second), axis=-1)
 
     def gaps(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """g in mm at places x (n, 3): of the plane (p, g), and of pairs (q, g)."""
-        plane = np.einsum("gn,mn->mg", self._values, x[self.contact.plane, 2])
+        plane = np.einsum("gn,mn->mg", self.values, x[self.contact.plane, 2])
         delta, first, second = self._parts(x, slice(None))
-        return plane, np.einsum("mgk,mgk->mg", delta, np.cross(first, second)) / self._pair_area
+        return plane, np.einsum("mgk,mgk->mg", delta, np.cross(first, second)) / self.pair_area
 
     def _parts(self, x: np.ndarray, pairs: np.ndarray | slice) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """delta, a_1 and a_2 (q, g, 3) of some pairs."""
         lower, upper = x[self.contact.lower[pairs]], x[self.contact.upper[pairs]]
         mean = 0.5 * (lower + upper)
-        return tuple(
-            np.einsum("gn,mnk->mgk", f, v) for f, v in ((self._values, upper - lower), *((s, mean) for s in self._slopes))
-        )
+        return tuple(np.einsum("gn,mnk->mgk", f, v) for f, v in ((self.values, upper - lower), *((s, mean) for s in self.slopes)))
 
     def _near(self, gaps: np.ndarray) -> np.ndarray:
         """Numbers (a,) of pairs with gaps (q, g) below the reach."""
@@ -123,18 +125,18 @@ class Touching:
     def energy(self, x: np.ndarray) -> float:
         """Pi_c in N mm at places x (n, 3)."""
         plane, pairs = self.gaps(x)
-        of_plane = self._plane_area * self.contact.energy(plane)
-        return float(of_plane.sum() + (self._pair_area * self._weights * self.contact.energy(pairs)).sum())
+        of_plane = self.plane_area * self.contact.energy(plane)
+        return float(of_plane.sum() + (self.pair_area * self.weights * self.contact.energy(pairs)).sum())
 
     def forces(self, x: np.ndarray) -> np.ndarray:
         """dPi_c / dx (n, 3) in N: what the contact adds to the internal forces."""
         total, contact = np.zeros(x.shape), self.contact
         plane, pairs = self.gaps(x)
-        pushed = -np.einsum("gn,mg->mn", self._values, self._plane_area * contact.pressure(plane))
+        pushed = -np.einsum("gn,mg->mn", self.values, self.plane_area * contact.pressure(plane))
         np.add.at(total[:, 2], self.contact.plane, pushed)
         if (active := self._near(pairs)).size:
             slope = self._gradients(*self._parts(x, active))  # (a, g, 16, 3)
-            share = -self._weights * contact.pressure(pairs[active])
+            share = -self.weights * contact.pressure(pairs[active])
             nodes = np.hstack([self.contact.lower[active], self.contact.upper[active]])
             np.add.at(total, nodes, np.einsum("mg,mgnk->mnk", share, slope))
         return total
@@ -142,44 +144,6 @@ class Touching:
     def _gradients(self, delta: np.ndarray, first: np.ndarray, second: np.ndarray) -> np.ndarray:
         """d(A_0 g) / dx (q, g, 16, 3) of the nodes below, then above."""
         across, one, two = np.cross(first, second), np.cross(second, delta), np.cross(delta, first)
-        mean = 0.5 * sum(s[None, :, :, None] * v[:, :, None] for s, v in zip(self._slopes, (one, two), strict=True))
-        apart = self._values[None, :, :, None] * across[:, :, None]
+        mean = 0.5 * sum(s[None, :, :, None] * v[:, :, None] for s, v in zip(self.slopes, (one, two), strict=True))
+        apart = self.values[None, :, :, None] * across[:, :, None]
         return np.concatenate([mean - apart, mean + apart], axis=2)
-
-    def tangent(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """d^2 Pi_c / dx^2: of the plane (p, 8, 8), directions z and z, and of pairs (q, 16, 6, 16).
-
-        The six: directions (0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2), the second of each with the last axis.
-        """
-        plane, pairs = self.gaps(x)
-        stiff = self._plane_area * self.contact.stiffness(plane)
-        of_plane = np.einsum("gn,gp,mg->mnp", self._values, self._values, stiff, optimize=True)
-        of_pairs = np.zeros((len(pairs), 16, 6, 16))
-        if (active := self._near(pairs)).size:
-            of_pairs[active] = self._second(x, active, pairs[active])
-        return of_plane, of_pairs
-
-    def _second(self, x: np.ndarray, active: np.ndarray, gaps: np.ndarray) -> np.ndarray:
-        """Tangents (a, 16, 6, 16) of some pairs with gaps (a, g)."""
-        parts = self._parts(x, active)
-        slope = self._gradients(*parts)
-        closed = self._weights / self._pair_area[active] * self.contact.stiffness(gaps)
-        found = np.einsum("mg,mgni,mgpj->mnipj", closed, slope, slope, optimize=True)
-        found -= self._turning(parts, self._weights * self.contact.pressure(gaps))
-        first, second = np.array([0, 1, 2, 0, 0, 1]), np.array([0, 1, 2, 1, 2, 2])
-        return found[:, :, first, :, second].transpose(1, 2, 0, 3)
-
-    def _turning(self, parts: tuple[np.ndarray, np.ndarray, np.ndarray], share: np.ndarray) -> np.ndarray:
-        """sum_g ``share`` (a, g) d^2(A_0 g) / dx^2: (a, 16, 3, 16, 3). A_0 g = eps_ijk delta_i a_1j a_2k."""
-        delta, one, two = parts
-        sign = np.repeat([-1.0, 1.0], 8)
-        apart = sign * np.tile(self._values, 2)  # what delta takes of each node
-        mean = [0.5 * np.tile(s, 2) for s in self._slopes]
-        total = np.zeros((len(share), 16, 3, 16, 3))
-        # pairs of parts and the vector that stands between them: eps_ijk u_i v_j w_k for (u, v), w
-        for left, right, vector in ((apart, mean[0], two), (mean[1], apart, one), (mean[0], mean[1], delta)):
-            both = np.einsum("gn,gp,mg,mgk->mnpk", left, right, share, vector, optimize=True)
-            for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-                total[:, :, i, :, j] += both[..., k]
-                total[:, :, j, :, i] -= both[..., k]
-        return total + total.transpose(0, 3, 4, 1, 2)

@@ -44,7 +44,7 @@ def test_pairs_lie_on_each_other_in_the_flat_state_and_all_pouches_have_theirs(m
 
 def test_layers_that_part_store_nothing(mesh, touching):
     assert touching.energy(mesh.nodes) == pytest.approx(
-        PENALTY * REACH**2 / 12 * (touching._plane_area.sum() + (touching._pair_area * touching._weights).sum())
+        PENALTY * REACH**2 / 12 * (touching.plane_area.sum() + (touching.pair_area * touching.weights).sum())
     )
     blown = mesh.nodes.copy()
     for sign, face in ((1.0, 0), (-1.0, 1)):
@@ -70,7 +70,7 @@ def test_two_flat_layers_pressed_into_each_other_push_with_k_g(device_mesh):
     mesh = device_mesh(symmetry="quarter")
     touching = Touching(contact_of(mesh, front_back=False, endo_epi=True, penalty=PENALTY, reach=REACH), mesh.nodes)
     contact = touching.contact
-    area = touching._pair_area.sum()
+    area = touching.pair_area.sum()
     places, gap, slid = mesh.nodes.copy(), 0.03, np.array([0.4, -0.2, 0.0])
     # layers that share no node: the epicardium as nodes of its own
     count = len(places)
@@ -93,25 +93,6 @@ def test_forces_are_the_slope_of_the_energy(mesh, touching):
     for direction in np.random.default_rng(2).normal(size=(3, *x.shape)):
         slope = (touching.energy(x + STEP * direction) - touching.energy(x - STEP * direction)) / (2 * STEP)
         assert (forces * direction).sum() == pytest.approx(slope, rel=1e-5)
-
-
-def test_the_tangent_is_the_slope_of_the_forces(mesh, touching):
-    x = pressed(touching, mesh)
-    plane, pairs = touching.tangent(x)
-    contact = touching.contact
-    first, second = np.array([0, 1, 2, 0, 0, 1]), np.array([0, 1, 2, 1, 2, 2])
-    whole = np.zeros((len(pairs), 16, 3, 16, 3))
-    for part, (i, j) in enumerate(zip(first, second, strict=True)):
-        whole[:, :, i, :, j] = pairs[:, :, part]
-        whole[:, :, j, :, i] = pairs[:, :, part].transpose(0, 2, 1)
-    nodes = np.hstack([contact.lower, contact.upper])
-    for direction in np.random.default_rng(4).normal(size=(3, *x.shape)):
-        found = np.zeros(x.shape)
-        np.add.at(found, nodes, np.einsum("mnipj,mpj->mni", whole, direction[nodes]))
-        np.add.at(found[:, 2], contact.plane, np.einsum("mnp,mp->mn", plane, direction[contact.plane, 2]))
-        step = 1e-7
-        expected = (touching.forces(x + step * direction) - touching.forces(x - step * direction)) / (2 * step)
-        assert np.linalg.norm(found - expected) < 1e-6 * np.linalg.norm(expected)
 
 
 def test_a_rigid_motion_and_its_mirror_image_change_nothing(device_mesh):

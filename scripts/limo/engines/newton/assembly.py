@@ -102,11 +102,14 @@ class Assembly:
         """f_int, contact included, and f_p (n, 3) in N at displacements (n, 3) in mm and pressures in kPa."""
         inside = self.inside(u)[0]
         if self.touching is not None:
-            shell = self.model.expansion
-            inside, pushed = inside.copy(), 0.5 * self.touching.forces(self.middle(u))
-            inside[shell.bottom] += pushed
-            inside[shell.top] += pushed
+            inside = inside + self.contact_forces(u)
         return inside, self.faces.forces(u, ventricular, actuation)
+
+    def contact_forces(self, u: np.ndarray) -> np.ndarray:
+        """What touching layers add to f_int (n, 3): half of it on the bottom, half on the top."""
+        shell, found = self.model.expansion, np.zeros(u.shape)
+        found[shell.bottom] = found[shell.top] = 0.5 * self.touching.forces(self.middle(u))
+        return found
 
     def middle(self, u: np.ndarray) -> np.ndarray:
         """Where the middle surface's nodes (n_shell, 3) are, in mm."""

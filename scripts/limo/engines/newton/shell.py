@@ -148,9 +148,12 @@ class ShellAssembly:
         """f_int, contact included, and f_p (2 N, 3) in N at displacements (n, 3) in mm and pressures in kPa."""
         inside = self.inside(u)[0]
         if self.touching is not None:
-            inside = inside.copy()
-            inside[: self.count] += self.touching.forces(self.middle(u))
+            inside = inside + self.contact_forces(u)
         return inside, self.faces.forces(self.of_slots(u)[: self.count], ventricular, actuation)
+
+    def contact_forces(self, u: np.ndarray) -> np.ndarray:
+        """What touching layers add to f_int (2 N, 3)."""
+        return np.vstack([self.touching.forces(self.middle(u)), np.zeros((self.count, 3))])
 
     def middle(self, u: np.ndarray) -> np.ndarray:
         """Where the middle surface's nodes (N, 3) are, in mm."""
