@@ -213,6 +213,11 @@ def check_engines(path: Path, study: Study, prefix: str, setting: Setting) -> No
         key, value = ("cross_check", study.cross_check) if study.cross_check else (f"{prefix}engine", setting.engine)
         expected = f"element {' or '.join(usable)}, which the engines that are used take, and not {element}"
         raise ConfigError(path, key, value, expected, f"mesh: {{element: {usable[0]}}}")
+    contact = setting.numerics.contact
+    if (contact.front_back or contact.endo_epi) and (unable := [e for e in engines if not find_engine(e).CONTACT]):
+        key, expected = f"{prefix}numerics.contact", f"no contact with engine {unable[0]}, or engine newton alone"
+        value = contact.model_dump(exclude={"penetration"})
+        raise ConfigError(path, key, value, expected, "contact: {front_back: false, endo_epi: false}")
     levers = setting.numerics.newton
     if find_element(element).plane_stress and levers.geometric_stiffness != "consistent":
         key, expected = f"{prefix}numerics.newton.geometric_stiffness", f"consistent with element {element}"

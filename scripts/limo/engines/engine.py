@@ -78,6 +78,8 @@ class Engine(Protocol):
     NAME: str
     #: patterns of files in its folder that are needed only until its path is closed
     LARGE_FILES: tuple[str, ...]
+    #: whether layers may touch in what it solves
+    CONTACT: bool
 
     def takes(self, element: Element) -> bool:
         """Whether it solves models of an element."""

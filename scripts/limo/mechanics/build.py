@@ -8,7 +8,8 @@ from typing import Any, Protocol
 import numpy as np
 
 from limo.geometry.valve import ValveEllipse
-from limo.mechanics.model import Equation, Expansion, Fabric, Loading, Model, Pressure, expand
+from limo.mechanics.contact import contact_of
+from limo.mechanics.model import KPA, Equation, Expansion, Fabric, Loading, Model, Pressure, expand
 from limo.mesh.layers import FACES, LAYERS, DeviceMesh
 from limo.schema.device import Device
 from limo.schema.element import element
@@ -16,6 +17,10 @@ from limo.schema.numerics import Mesh, Numerics
 
 #: heights of the perturbed flat states of branches, over the thickness of the fabric
 PERTURBATION = 0.05
+
+
+#: kPa that contact is made for at least, in devices without pressure
+LEAST_PRESSURE = 1.0
 
 
 class Described(Protocol):
@@ -112,6 +117,14 @@ def build_model(case: Described, mesh: DeviceMesh, *, like_shells: bool | None =
     if case.branch:
         mesh = perturbed(mesh, case.branch, PERTURBATION * thickness)
     values |= {"mesh": mesh, "expansion": expand(mesh, thickness)}
+    touch, largest = case.numerics.contact, max(case.ventricular_pressure, case.actuation_pressure_max, LEAST_PRESSURE)
+    values["contact"] = contact_of(
+        mesh,
+        front_back=touch.front_back,
+        endo_epi=touch.endo_epi,
+        penalty=KPA * largest / (touch.penetration * thickness),
+        reach=touch.penetration * thickness,
+    )
     values["pressures"] = pressures(mesh, like_shells=shell if like_shells is None else like_shells)
     displacements = valve_displacements(case.aspect_ratio, mesh)
     if shell:

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from limo.mechanics import shell
+from limo.mechanics.contact import Touching
 from limo.mechanics.kinematics import deformation_gradient, green_lagrange
 from limo.mechanics.layer import LayerState, layer_state
 from limo.mechanics.model import KPA, Model, reduction, scatter
@@ -45,7 +46,17 @@ def internal_forces(model: Model, displacements: np.ndarray, source: object = "f
     volume = np.linalg.det(jacobian) * weights
     first_piola = deformation @ stress * volume[..., None, None]
     forces = np.einsum("mgik,mgnk->mni", first_piola, gradient, optimize=True)
-    return scatter(forces, layer.bricks, len(model.nodes))
+    return scatter(forces, layer.bricks, len(model.nodes)) + contact_forces(model, displacements)
+
+
+def contact_forces(model: Model, displacements: np.ndarray) -> np.ndarray:
+    """What the contact of layers adds to f_int (n, 3) in N: half on the bottom and half on the top node of each."""
+    total = np.zeros((len(model.nodes), 3))
+    if model.contact is not None:
+        middle = model.mesh.nodes + model.midsurface(displacements)
+        forces = 0.5 * Touching(model.contact, model.mesh.nodes).forces(middle)
+        total[model.expansion.bottom], total[model.expansion.top] = forces, forces
+    return total
 
 
 def pressure_forces(model: Model, displacements: np.ndarray, actuation_pressure: float) -> np.ndarray:

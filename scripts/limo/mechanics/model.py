@@ -11,6 +11,7 @@ from typing import Protocol
 import numpy as np
 import scipy  # its parts are imported when they are used
 
+from limo.mechanics.contact import Contact
 from limo.mesh.elements import HEX20_BOTTOM, HEX20_TOP
 from limo.mesh.layers import LAYERS
 from limo.schema.accuracy import AirbagNumerics
@@ -129,7 +130,8 @@ class Model:
     ``name`` is for people; ``length`` (mm) is that of the device. ``expansion``: the layer written out; of shells it is that
     which CalculiX makes, or None for one that is not made of ``HEX20``. ``prescribed`` maps (node, direction) to a final
     displacement (mm), ramped in the fitting stage; ``fixed`` lists (node, direction) held at zero. With shells all nodes are
-    those of the mesh; with bricks those of ``expansion`` plus the reference nodes from ``reference_start`` on.
+    those of the mesh; with bricks those of ``expansion`` plus the reference nodes from ``reference_start`` on. ``contact``: which
+    layers may not pass each other, None where all may.
     """
 
     name: str
@@ -146,6 +148,7 @@ class Model:
     fixed: tuple[tuple[int, int], ...]
     equations: tuple[Equation, ...]
     pressures: tuple[Pressure, ...]
+    contact: Contact | None = None
 
     @property
     def youngs_modulus(self) -> np.ndarray:

@@ -158,6 +158,25 @@ class Newton(Section):
         return {key: value for key, value in plain.items() if key not in LATER or value != Newton.model_fields[key].default}
 
 
+class Touch(Section):
+    """Which layers may not pass each other; none as in the paper's model."""
+
+    front_back: bool = Field(False, description="the inner layers of front and back", examples=[True])
+    endo_epi: bool = Field(False, description="endocardium and epicardium of each pouch", examples=[True])
+    penetration: float = Field(
+        0.05,
+        gt=0,
+        le=0.5,
+        description="how far layers pass each other under the largest pressure of a case, and from which gap on they touch, over "
+        "the thickness",
+        examples=[0.05],
+    )
+
+    def content(self) -> dict[str, Any]:
+        """Plain data by which results are named; nothing where no layers touch."""
+        return self.model_dump(mode="json") if self.front_back or self.endo_epi else {}
+
+
 #: keys of ``Newton`` that came when results had names already, which they are to keep
 LATER = ("factor_precision", "geometric_stiffness", "fit_via")
 
@@ -177,6 +196,7 @@ class Numerics(Section):
     largest_increment: float = Field(2.0, gt=0, le=100, description="largest increment, in kPa of the ramp", examples=[2.0])
     controls: Controls = Controls()
     newton: Newton = Newton()
+    contact: Touch = Touch()
     rest_tolerance: float = Field(
         5e-3,
         gt=0,
@@ -209,7 +229,9 @@ class Numerics(Section):
     def content(self, engine: str) -> dict[str, Any]:
         """Plain data by which a case of ``engine`` is named."""
         seen = self.for_engine(engine)
-        return seen.model_dump(mode="json") | {"newton": seen.newton.content()}
+        plain = seen.model_dump(mode="json", exclude={"contact"}) | {"newton": seen.newton.content()}
+        touching = seen.contact.content()
+        return plain | ({"contact": touching} if touching else {})
 
     @property
     def solver_damping(self) -> float:
@@ -223,5 +245,5 @@ READ_BY = {
         *("hht_alpha", "fit", "hold", "ramp", "first_increment", "smallest_increment", "largest_increment", "controls"),
         "rest_tolerance",
     ),
-    "newton": ("newton",),
+    "newton": ("newton", "contact"),
 }

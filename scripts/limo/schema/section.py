@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, Literal, get_args
 
-from pydantic import BaseModel, ConfigDict, field_validator
+from pydantic import BaseModel, ConfigDict, ValidationInfo, field_validator
 
 ElementName = Literal["S8", "S8R", "C3D20", "C3D20R", "SHELL8R"]
 
@@ -35,8 +35,12 @@ class Section(BaseModel):
 
     @field_validator("*", mode="before")
     @classmethod
-    def _no_truth_values(cls, value: Any) -> Any:
-        """No key of the configuration is yes or no, and ``True`` must not pass for 1."""
+    def _no_truth_values(cls, value: Any, info: ValidationInfo) -> Any:
+        """``True`` must not pass for 1, nor 1 for it."""
+        if cls.model_fields[info.field_name].annotation is bool:
+            if not isinstance(value, bool):
+                raise ValueError("true or false")
+            return value
         for item in value if isinstance(value, list) else [value]:
             if isinstance(item, bool):
                 raise ValueError("a number or text, not yes or no")

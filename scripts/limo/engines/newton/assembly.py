@@ -13,6 +13,7 @@ import numpy as np
 from limo.engines.newton import kernels
 from limo.engines.newton.faces import Faces
 from limo.errors import ResultError
+from limo.mechanics.contact import Touching
 from limo.mechanics.kinematics import lame
 from limo.mechanics.model import Model, reduction, scatter
 from limo.mesh.elements import HEX20_BOTTOM, HEX20_TOP, gauss, hex20_shape
@@ -60,6 +61,7 @@ class Assembly:
         self.volume = np.linalg.det(jacobian) * weights
         self.lame = np.stack(lame(model.youngs_modulus, model.fabric.poisson_ratio), axis=1)
         self.faces = Faces(model, lambda load: shell.bricks[load.quads][:, SIDES[load.side]], shell.nodes, len(model.nodes))
+        self.touching = None if model.contact is None else Touching(model.contact, model.mesh.nodes)
         self._placed: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
         self._known: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
         self._constrain()
@@ -97,8 +99,21 @@ class Assembly:
     # --- forces -------------------------------------------------------------------------------------------------------
 
     def forces(self, u: np.ndarray, ventricular: float, actuation: float) -> tuple[np.ndarray, np.ndarray]:
-        """f_int and f_p (n, 3) in N at displacements (n, 3) in mm and pressures in kPa."""
-        return self.inside(u)[0], self.faces.forces(u, ventricular, actuation)
+        """f_int, contact included, and f_p (n, 3) in N at displacements (n, 3) in mm and pressures in kPa."""
+        inside = self.inside(u)[0]
+        if self.touching is not None:
+            inside = inside + self.contact_forces(u)
+        return inside, self.faces.forces(u, ventricular, actuation)
+
+    def contact_forces(self, u: np.ndarray) -> np.ndarray:
+        """What touching layers add to f_int (n, 3): half of it on the bottom, half on the top."""
+        shell, found = self.model.expansion, np.zeros(u.shape)
+        found[shell.bottom] = found[shell.top] = 0.5 * self.touching.forces(self.middle(u))
+        return found
+
+    def middle(self, u: np.ndarray) -> np.ndarray:
+        """Where the middle surface's nodes (n_shell, 3) are, in mm."""
+        return self.model.mesh.nodes + self.model.midsurface(u)
 
     def drag(self, u: np.ndarray, moved: np.ndarray) -> np.ndarray:
         """How f_int (n, 3) changes from displacements u (n, 3) along ``moved`` (n, 3), prescribed ones included.

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 NAME = "newton"
 LARGE_FILES = ()
+CONTACT = True
 #: iterations of a sample
 SAMPLED = 5
 

@@ -31,8 +31,10 @@ def entries_of(
             keep &= upper
         if shares is not None:
             keep &= (shares[:, :, None] != 0) & (shares[:, None, :] != 0)
+        # of an element that has a node twice, too
+        apart = np.broadcast_to(~np.eye(per, dtype=bool) if i == j else np.ones((per, per), bool), keep.shape)[keep]
         a, b = a[keep], b[keep]
-        value = factor[a] * factor[b] * np.where((a != b) & (free[a] == free[b]), 2.0, 1.0)
+        value = factor[a] * factor[b] * np.where(apart & (free[a] == free[b]), 2.0, 1.0)
         if shares is not None:
             value *= (shares[:, :, None] * shares[:, None, :])[keep]
         rows.append(np.minimum(free[a], free[b]))

@@ -21,9 +21,11 @@ import numpy as np
 from scipy.sparse import csc_array
 
 from limo.engines.newton import shell_kernels
+from limo.engines.newton.contact import ContactTangent
 from limo.engines.newton.faces import Faces
 from limo.errors import ResultError
-from limo.mechanics.model import Model
+from limo.mechanics.contact import Touching
+from limo.mechanics.model import Expansion, Model
 from limo.mechanics.shell import axes_of, stiffness
 from limo.mesh.elements import HEX20_BOTTOM, HEX20_TOP, gauss, hex20_shape
 
@@ -47,6 +49,7 @@ class ShellAssembly:
         middle = 0.5 * (shell.nodes[shell.top] + shell.nodes[shell.bottom])
         self.faces = Faces(model, lambda load: self.quads[load.quads], middle, 2 * count)
         self._constrain()
+        self.touching = None if model.contact is None else Touching(model.contact, model.mesh.nodes)
         self._placed: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
         self._known: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
 
@@ -142,8 +145,19 @@ class ShellAssembly:
     # --- forces -------------------------------------------------------------------------------------------------------
 
     def forces(self, u: np.ndarray, ventricular: float, actuation: float) -> tuple[np.ndarray, np.ndarray]:
-        """f_int and f_p (2 N, 3) in N at displacements (n, 3) in mm and pressures in kPa."""
-        return self.inside(u)[0], self.faces.forces(self.of_slots(u)[: self.count], ventricular, actuation)
+        """f_int, contact included, and f_p (2 N, 3) in N at displacements (n, 3) in mm and pressures in kPa."""
+        inside = self.inside(u)[0]
+        if self.touching is not None:
+            inside = inside + self.contact_forces(u)
+        return inside, self.faces.forces(self.of_slots(u)[: self.count], ventricular, actuation)
+
+    def contact_forces(self, u: np.ndarray) -> np.ndarray:
+        """What touching layers add to f_int (2 N, 3)."""
+        return np.vstack([self.touching.forces(self.middle(u)), np.zeros((self.count, 3))])
+
+    def middle(self, u: np.ndarray) -> np.ndarray:
+        """Where the middle surface's nodes (N, 3) are, in mm."""
+        return self.model.mesh.nodes + self.of_slots(u)[: self.count]
 
     def drag(self, u: np.ndarray, moved: np.ndarray) -> np.ndarray:
         """How f_int (2 N, 3) changes from displacements u (n, 3) along ``moved`` (n, 3), prescribed ones included."""
@@ -246,6 +260,10 @@ class Directors:
         """As of ``Unknowns``: a node of the mesh has the slot of its m."""
         return nodes, np.ones(nodes.shape)
 
+    def middle(self, quads: np.ndarray, expansion: Expansion) -> tuple[np.ndarray, np.ndarray]:
+        """As of ``Unknowns``."""
+        return quads, np.ones(quads.shape)
+
 
 class ShellTangent:
     """K and a mass M of shells on their unknowns, as ``Tangent`` of bricks; M has no coupling of directors."""
@@ -274,6 +292,7 @@ class ShellTangent:
         node, part = np.nonzero(turns >= 0)
         values[self.indptr[turns[node, part]]] -= along[node]
         values[:-1] += self._from_faces @ assembly.faces.tangent(assembly.of_slots(u)[: assembly.count], ventricular, actuation)
+        self._contact.add(values, assembly, u)
         return values[:-1]
 
     def _plan(self) -> None:
@@ -284,12 +303,14 @@ class ShellTangent:
         low, high = np.minimum(of_slots[:, row], of_slots[:, column]), np.maximum(of_slots[:, row], of_slots[:, column])
         taken = low >= 0
         keys = low.astype(np.int64) * size + high
-        unique, inverse = np.unique(keys[taken], return_inverse=True)
+        self._contact = ContactTangent(assembly, self.unknowns)
+        unique, inverse = np.unique(np.concatenate([keys[taken], self._contact.keys]), return_inverse=True)
         self.indices = (unique % size).astype(np.int32)
         self.indptr = np.searchsorted(unique // size, np.arange(size + 1)).astype(np.int32)
         # what goes nowhere goes behind the last value
         places = np.full(keys.shape, len(unique), np.int32)
-        places[taken] = inverse
+        places[taken] = inverse[: int(taken.sum())]
+        self._contact.place(unique)
         used = taken.any(axis=0)
         self._sources = (of_slots.shape[1] * row + column)[used].astype(np.int32)
         self._places = np.ascontiguousarray(places[:, used])

@@ -19,6 +19,7 @@ from scipy.sparse import csc_array
 
 from limo.engines.newton import kernels
 from limo.engines.newton.assembly import Assembly
+from limo.engines.newton.contact import ContactTangent
 from limo.engines.newton.entries import entries_of
 from limo.engines.newton.kernels import PAIRS
 from limo.engines.newton.unknowns import Unknowns, displacements
@@ -55,15 +56,19 @@ class Tangent:
         tables = self._sources, self._places, self._special, self._weights
         kernels.tangent(assembly.slopes(u)[0], stress, self._gradient, assembly.volume, assembly.lame, *tables, values)
         values[:-1] += self._from_faces @ assembly.faces.tangent(u, ventricular, actuation)
+        self._contact.add(values, assembly, u)
         return values[:-1]
 
     def _plan(self) -> None:
         """The pattern, and where in its values the entries of element matrices go."""
         bricks, faces = entries_of(self._assembly.bricks, self.unknowns, PAIRS), self._assembly.faces.entries(self.unknowns)
-        unique, inverse = np.unique(bricks[0] * self.size + bricks[1], return_inverse=True)
+        self._contact = ContactTangent(self._assembly, self.unknowns)
+        keys = np.concatenate([bricks[0] * self.size + bricks[1], self._contact.keys])
+        unique, inverse = np.unique(keys, return_inverse=True)
         self.indices = (unique % self.size).astype(np.int32)
         self.indptr = np.searchsorted(unique // self.size, np.arange(self.size + 1)).astype(np.int32)
-        self._place_bricks(inverse, *bricks[2:])
+        self._place_bricks(inverse[: len(bricks[0])], *bricks[2:])
+        self._contact.place(unique)
         rows, columns, factors, sources = faces
         # the slots of a face are among those of its brick
         places = np.searchsorted(unique, rows * self.size + columns).astype(np.int32)

@@ -25,6 +25,7 @@ from limo.mesh.elements import HEX20_BOTTOM, HEX20_TOP
 
 if TYPE_CHECKING:
     from limo.engines.newton.assembly import Assembly
+    from limo.mechanics.model import Expansion
 
 #: nodes of a brick between the first four of bottom and top
 _MIDDLE = np.array([16, 17, 18, 19])
@@ -69,6 +70,12 @@ class Unknowns:
         if self.transform is None:
             return nodes, np.ones(nodes.shape)
         return np.hstack([self.first[nodes], self.second[nodes]]), np.hstack([np.ones(nodes.shape), self.sign[nodes]])
+
+    def middle(self, quads: np.ndarray, expansion: Expansion) -> tuple[np.ndarray, np.ndarray]:
+        """The slots of the middle surface at nodes (m, k) of a mesh and their shares: (m, 2 k), those of bottom nodes first."""
+        bottom, top = expansion.bottom[quads], expansion.top[quads]
+        mean = self.sign[bottom] != 0  # the slot of a bottom node is then the mean
+        return np.hstack([bottom, top]), np.hstack([np.where(mean, 1.0, 0.5), np.where(mean, 0.0, 0.5)])
 
     def of_elements(self, values: np.ndarray, bricks: np.ndarray) -> np.ndarray:
         """What multiplies u_n of bricks (m, 20), (m, ..., 20) -> what multiplies the slots, by the sum over n of du_n/dv."""
