@@ -19,8 +19,8 @@ from limo.schema.numerics import Mesh, Numerics
 PERTURBATION = 0.05
 
 
-#: kPa that contact is made for at least, in devices without pressure
-LEAST_PRESSURE = 1.0
+#: kPa under which layers pass each other by the share of the thickness that is stated
+CONTACT_PRESSURE = 100.0
 
 
 class Described(Protocol):
@@ -117,12 +117,12 @@ def build_model(case: Described, mesh: DeviceMesh, *, like_shells: bool | None =
     if case.branch:
         mesh = perturbed(mesh, case.branch, PERTURBATION * thickness)
     values |= {"mesh": mesh, "expansion": expand(mesh, thickness)}
-    touch, largest = case.numerics.contact, max(case.ventricular_pressure, case.actuation_pressure_max, LEAST_PRESSURE)
+    touch = case.numerics.contact
     values["contact"] = contact_of(
         mesh,
         front_back=touch.front_back,
         endo_epi=touch.endo_epi,
-        penalty=KPA * largest / (touch.penetration * thickness),
+        penalty=KPA * CONTACT_PRESSURE / (touch.penetration * thickness),
         reach=touch.penetration * thickness,
     )
     values["pressures"] = pressures(mesh, like_shells=shell if like_shells is None else like_shells)

@@ -13,9 +13,9 @@ and tangent are exact. The contact acts as a pressure p = -psi'(g) on both layer
 so that the tangent has no jump: with one, layers that lie on each other open and close from iteration to iteration. In models
 with the plane of symmetry z = 0 the inner layers have it for their other surface: g = z.
 
-r is a stated share of the thickness, and k the largest pressure of a case over r: layers pass each other by r at most. What is
-left of gap and penetration is proportional to r; Wriggers (2006), *Computational contact mechanics*, section 5.2. Units: mm,
-N, MPa.
+r is a stated share of the thickness, and k is 100 kPa over r, by which layers then pass each other. It is the same for all
+P_a,max, so that a case that goes further passes through the same states. What is left of gap and penetration is proportional
+to r; Wriggers (2006), *Computational contact mechanics*, section 5.2. Units: mm, N, MPa.
 """
 
 from __future__ import annotations

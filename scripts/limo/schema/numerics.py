@@ -167,8 +167,7 @@ class Touch(Section):
         0.05,
         gt=0,
         le=0.5,
-        description="how far layers pass each other under the largest pressure of a case, and from which gap on they touch, over "
-        "the thickness",
+        description="how far layers pass each other under 100 kPa, and from which gap on they touch, over the thickness",
         examples=[0.05],
     )
 
