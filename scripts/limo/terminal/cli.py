@@ -22,6 +22,7 @@ COMMANDS = (
     devices.add_import_pattern,
     studies.add_status,
     studies.add_sweep,
+    studies.add_jobs,
     cases.add_show,
     cases.add_compare,
     studies.add_table,

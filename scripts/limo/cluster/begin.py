@@ -1,0 +1,45 @@
+"""Between planning and the first job of a sweep: refuse what cannot end well, and hand the plan to the jobs."""
+
+from __future__ import annotations
+
+import logging
+from pathlib import Path
+from typing import Any
+
+from limo.cases.plan import Plan
+from limo.cluster.handed import hand
+from limo.cluster.slurm import NoAnswer
+from limo.cluster.start import SLURM, asked_of, check_orphans, check_slurm
+from limo.config.project import Project
+
+log = logging.getLogger(__name__)
+
+#: s that the job which looks at a node may wait for it
+PATIENCE = 24 * 3600.0
+
+
+def begin_sweep(workflow: Any, project: Project, plan: Plan) -> None:
+    """Look at Snakemake's ``workflow``, which has planned its jobs and submitted none.
+
+    On one machine only jobs of an earlier sweep on Slurm are looked for. Raises ``ClusterError``.
+    """
+    try:
+        check_orphans(Path.cwd())
+    except NoAnswer as error:
+        if not workflow.local_exec:
+            raise
+        log.warning("%s; nobody knows whether jobs of an earlier sweep still run", error)
+    if workflow.local_exec:
+        return
+    file = hand(plan, project.builds)
+    if workflow.executor_plugin.name != SLURM:
+        return
+    asked = asked_of(list(workflow.dag.needrun_jobs()))
+    check_slurm(asked)
+    if any(one.rule == "solve_case" for one in asked):
+        from limo.cluster.probe import probe_node
+
+        first = next(one for one in asked if one.rule == "solve_case")
+        options = {"partition": first.partition, "account": first.account, "constraint": first.constraint, "qos": first.qos}
+        options = {name: value for name, value in options.items() if value}
+        probe_node(options, project.config.solver, file, project.builds, PATIENCE)

@@ -1,0 +1,351 @@
+"""Sweeps through a real Slurm: the same results as here, and whatever happens to jobs nothing is lost or solved twice."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+import pytest
+import xarray as xr
+import yaml
+
+from limo.cluster import slurm as slurm_room
+from limo.reports.cluster import STUDY, WORDS, measure_sweep
+from limo.store.files import read_json
+from limo.store.results import Results
+from limo.terminal.cli import main
+from tests.helpers.slurm import daemons, lacks, one_folder_slurm
+
+from .conftest import ROOT, make_project
+
+pytestmark = [
+    pytest.mark.xdist_group("slurm"),
+    pytest.mark.skipif(bool(lacks()), reason=f"sweeps on Slurm are not tested: there is no {lacks()}"),
+]
+PATIENCE = 300.0  # s; machines are shared
+#: of a dataset what differs between two solves of one case
+TIMES = ("solver_time", "python_time", "solver_memory")
+
+
+@pytest.fixture(scope="module")
+def cluster(tmp_path_factory):
+    """A Slurm with two processors, to which this process's children submit; yields a folder that its node does not see."""
+    folder = tmp_path_factory.mktemp("slurm")
+    hidden = folder / "hidden"
+    hidden.mkdir()
+    unseen = hidden if os.geteuid() == 0 else None
+    with one_folder_slurm(folder / "daemons", 2, 8000, unseen) as variables, pytest.MonkeyPatch.context() as patch:
+        for name, value in variables.items():
+            patch.setenv(name, value)
+        yield hidden
+    assert not daemons(folder / "daemons")
+
+
+@pytest.fixture
+def tiny(cluster, tmp_path, monkeypatch):
+    """``tiny(n_pouches, ...)``: an unsolved project of cases that take seconds, in whose folder this process then is."""
+
+    def make(n_pouches=(2, 4), folder=tmp_path / "project", **study):
+        project = make_project(folder)
+        axes = {"n_pouches": list(n_pouches), "ventricular_pressure": [3.8]}
+        keys = {"axes": axes, "actuation_pressure_max": 5.0, "figures": [], "frames": [0, "max"], **study}
+        project.edit("studies/tiny.yaml", lambda d: d.update(keys))
+        project.edit("config.yaml", lambda d: d.update(engine="newton") or d.pop("stress_test"))
+        monkeypatch.chdir(folder)
+        return project
+
+    folder_of_tests = tmp_path / "project"
+    folder_of_tests.mkdir()
+    return make
+
+
+@pytest.fixture(scope="module")
+def quick(tmp_path_factory) -> Path:
+    """The project's profile, asking more often than people may."""
+    profile = yaml.safe_load((ROOT / "profiles/slurm/config.yaml").read_text())
+    profile |= {"jobs": 4, "slurm-init-seconds-before-status-checks": 1, "latency-wait": 10, "retries": 1}
+    folder = tmp_path_factory.mktemp("profile")
+    (folder / "config.yaml").write_text(yaml.safe_dump(profile))
+    return folder
+
+
+def start(project, quick, *options: str) -> subprocess.Popen:
+    """A sweep in a process group of its own."""
+    command = [
+        sys.executable,
+        "-m",
+        "snakemake",
+        "--snakefile",
+        ROOT / "Snakefile",
+        "--workflow-profile",
+        quick,
+        "tiny",
+        *options,
+    ]
+    with (project.folder / "snakemake.log").open("w") as log:
+        return subprocess.Popen(
+            [*map(str, command), "--config", f"file={project.config_file}"],
+            cwd=project.folder, stdout=log, stderr=subprocess.STDOUT, start_new_session=True,
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+        )  # fmt: skip
+
+
+def said(project) -> str:
+    return (project.folder / "snakemake.log").read_text(errors="replace")
+
+
+@contextmanager
+def ended(process: subprocess.Popen, project):
+    """Whatever happens, neither a sweep nor its jobs outlive the test."""
+    try:
+        yield process
+    finally:
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+        slurm_room.cancel(slurm_room.jobs_of(project.folder))
+
+
+def wait_for(ready, why):
+    until = time.monotonic() + PATIENCE
+    while time.monotonic() < until:
+        if found := ready():
+            return found
+        time.sleep(0.1)
+    raise AssertionError(f"not within {PATIENCE} s: {why()}")
+
+
+def cases_with_jobs(project, queued: bool = False) -> dict[str, str]:
+    """Numbers of jobs of cases that run, or wait, by case."""
+    jobs = slurm_room.jobs_of(project.folder)
+    return {job.case: job.number for job in jobs if job.case and job.is_queued == queued}
+
+
+def all_submitted(project, count: int) -> bool:
+    """Whether so many cases have jobs, some of which wait."""
+    jobs = [job for job in slurm_room.jobs_of(project.folder) if job.case]
+    return len(jobs) == count and any(job.is_queued for job in jobs)
+
+
+def statuses(project) -> dict[str, dict]:
+    """What ``status.json`` says of the cases that have one."""
+    return {file.parent.name: read_json(file) for file in (project.folder / "results/cases").glob("*/status.json")}
+
+
+def finishes(project, quick, before: dict[str, dict]) -> None:
+    """Started again the sweep ends well, what was solved was left alone, and nobody is left."""
+    with ended(start(project, quick), project) as sweep:
+        assert sweep.wait(PATIENCE) == 0, said(project)
+    now = statuses(project)
+    assert {name: status["status"] for name, status in now.items()} == dict.fromkeys(project.plan().cases, "converged")
+    assert {name: now[name] for name in before} == before, "solved a second time"
+    assert not slurm_room.jobs_of(project.folder)
+    assert project.planned("tiny") == {}
+
+
+def look(capsys, *studies: str) -> dict[str, str]:
+    """Status of each case by ``limo status``."""
+    main(["status", "--json", *studies])
+    return {case["case"]: case["status"] for case in json.loads(capsys.readouterr().out)["cases"]}
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# sweeps that end well
+
+
+def test_a_sweep_on_slurm_gives_what_a_local_one_gives_and_is_seen_meanwhile(tiny, tmp_path, capsys):
+    project = tiny((2, 4, 6, 8), outputs=["volumes", "stress"])
+    assert main(["check", "--on", "slurm", "tiny"]) == 0
+    checked = capsys.readouterr().out
+    assert "on slurm: 6 jobs, at most 100 at once" in checked, "four cases, their dataset, and a look at the node"
+    assert "core hours are predicted" in checked
+    command = [
+        sys.executable,
+        "-m",
+        "limo.terminal.cli",
+        "sweep",
+        "--on",
+        "slurm",
+        "tiny",
+        "--",
+        "--snakefile",
+        ROOT / "Snakefile",
+    ]
+    command += ["--slurm-init-seconds-before-status-checks", "1", "--latency-wait", "10"]
+    with (project.folder / "snakemake.log").open("w") as log:
+        sweep = subprocess.Popen(list(map(str, command)), stdout=log, stderr=subprocess.STDOUT, start_new_session=True)
+    seen = set()
+    with ended(sweep, project):
+        wait_for(lambda: seen.update(look(capsys, "tiny").values()) or sweep.poll() is not None, lambda: said(project))
+    assert sweep.returncode == 0, said(project)
+    assert {"waiting", "queued", "running", "converged"} <= seen, "two processors, four cases"
+    local = make_local(project, tmp_path / "local")
+    here, there = (xr.load_dataset(p.folder / "results/studies/tiny/study.nc").drop_vars(TIMES) for p in (local, project))
+    xr.testing.assert_identical(here, there)
+    assert list(Results(project.folder / "results").slurm_logs.rglob("*.log")) == []
+
+
+def make_local(project, folder):
+    """The same project, solved on this machine."""
+    folder.mkdir()
+    local = make_project(folder)
+    for file in ("config.yaml", "studies/tiny.yaml"):
+        (local.folder / "config" / file).write_text((project.folder / "config" / file).read_text())
+    done = local.snakemake("tiny")
+    assert done.returncode == 0, done.stdout + done.stderr
+    return local
+
+
+def test_twenty_cases_with_a_stand_in_for_the_solve(cluster, quick, tmp_path):
+    rows = {row["what"]: row["value"] for row in measure_sweep(tmp_path / "many", 20, ROOT, quick)}
+    assert rows.keys() < WORDS.keys()
+    found = [read_json(file) for file in (tmp_path / "many/results/cases").glob("*/status.json")]
+    assert len(found) == 20
+    assert xr.open_dataset(tmp_path / f"many/results/studies/{STUDY}/study.nc").case_status.size == 20
+    assert rows["job_cpu"] < 10, "s; a busy machine takes more than the figures of docs/performance.md"
+    assert rows["job_memory"] < 400
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# jobs that end otherwise
+
+
+def test_too_much_memory_and_a_cancelled_job_are_tried_again_with_more(tiny, quick):
+    project = tiny((2, 4))
+    with ended(start(project, quick, "--set-resources", "solve_case:mem_mb=330*attempt**2"), project) as sweep:
+        assert sweep.wait(PATIENCE) == 0, said(project)
+    assert "Trying to restart" in said(project)
+    assert {status["status"] for status in statuses(project).values()} == {"converged"}
+    (project.folder / "results/studies/tiny/study.nc").unlink()
+    project.study("tiny", actuation_pressure_max=6.0)
+    with ended(start(project, quick), project) as sweep:
+        number = next(iter(wait_for(lambda: cases_with_jobs(project), lambda: said(project)).values()))
+        subprocess.run(["scancel", number], check=True)
+        assert sweep.wait(PATIENCE) == 0, said(project)
+    assert "Trying to restart" in said(project)
+    finishes(project, quick, statuses(project))
+
+
+def test_a_case_beyond_its_time_fails_alone_and_is_solved_by_the_next_sweep(tiny, quick, capsys):
+    project = tiny((2, 4))
+    options = ("--set-resources", "solve_case:runtime=1", "measure_case:runtime=1", "--retries", "0")
+    with ended(start(project, quick, *options), project) as sweep:
+        wait_for(lambda: len(solvers(project)) > 0, lambda: said(project))
+        victim, pid = next(iter(solvers(project).items()))
+        os.kill(pid, signal.SIGSTOP)
+        assert sweep.wait(PATIENCE) != 0
+    found = look(capsys, "tiny")
+    assert sorted(found.values()) == ["converged", "crashed"]
+    assert found[victim] == "crashed"
+    main(["status", "tiny"])
+    assert "its job ran out of time" in capsys.readouterr().out
+    finishes(project, quick, statuses(project))
+
+
+def solvers(project) -> dict[str, int]:
+    """Processes that solve, by case: whoever holds the lock."""
+    found = {}
+    for lock in (project.folder / "results/cases").glob("*/lock"):
+        with suppress(OSError, IndexError, ValueError):
+            found[lock.parent.name] = int(lock.read_text().split()[1])
+    return found
+
+
+def test_ctrl_c_ends_all_jobs(tiny, quick):
+    project = tiny((2, 4, 6))
+    with ended(start(project, quick), project) as sweep:
+        wait_for(lambda: all_submitted(project, 3), lambda: said(project))
+        os.killpg(sweep.pid, signal.SIGINT)
+        assert sweep.wait(PATIENCE) != 0
+        wait_for(lambda: not slurm_room.jobs_of(project.folder), lambda: slurm_room.jobs_of(project.folder))
+    finishes(project, quick, statuses(project))
+
+
+def test_after_kill_9_no_case_is_solved_twice(tiny, quick, capsys):
+    project = tiny((2, 4, 6))
+    with ended(start(project, quick), project) as sweep:
+        wait_for(lambda: all_submitted(project, 3), lambda: said(project))
+        os.killpg(sweep.pid, signal.SIGKILL)
+        sweep.wait()
+        left = slurm_room.jobs_of(project.folder)
+        assert len(left) == 3, "Slurm's jobs run on"
+        for refused in (project.snakemake("tiny", "--workflow-profile", str(quick), cores=None), project.snakemake("tiny")):
+            assert refused.returncode != 0
+            assert "`limo jobs adopt` waits for their results" in refused.stdout + refused.stderr
+        assert main(["jobs"]) == 0
+        assert "3 jobs wait or run" in capsys.readouterr().out
+        assert set(look(capsys, "tiny").values()) <= {"queued", "running", "converged"}
+        assert main(["jobs", "adopt"]) == 0
+    solved = statuses(project)
+    assert len(solved) == 3
+    finishes(project, quick, solved)
+
+
+def test_jobs_of_a_sweep_that_was_killed_can_be_cancelled(tiny, quick):
+    project = tiny((2, 4, 6))
+    with ended(start(project, quick), project) as sweep:
+        wait_for(lambda: all_submitted(project, 3), lambda: said(project))
+        os.killpg(sweep.pid, signal.SIGKILL)
+        sweep.wait()
+        assert main(["jobs", "cancel"]) == 0
+        assert not slurm_room.jobs_of(project.folder)
+    finishes(project, quick, statuses(project))
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# what is refused before the first job
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (["--default-resources", "slurm_partition=nowhere"], ("no such partition", "there are main")),
+        (["--set-resources", "solve_case:runtime=120"], ("asks for 120 min", "ends jobs after 60 min", "solve_case:runtime=60")),
+        (["--set-resources", "solve_case:mem_mb=9000"], ("asks for 9000 MiB", "no node")),
+    ],
+)
+def test_what_no_partition_takes_is_one_message(tiny, quick, options, says):
+    project = tiny((2,))
+    done = project.snakemake("tiny", "--workflow-profile", str(quick), *options, cores=None)
+    assert done.returncode != 0
+    assert all(text in done.stderr + done.stdout for text in says), done.stderr
+    assert "has been submitted" not in done.stderr + done.stdout
+    assert "Traceback" not in done.stderr + done.stdout
+
+
+def test_without_sbatch_it_is_one_message(tiny, monkeypatch, capsys):
+    tiny((2,))
+    monkeypatch.setenv("PATH", str(Path(sys.executable).parent))
+    assert main(["sweep", "--on", "slurm", "tiny"]) == 1
+    assert "sbatch: no such program here" in capsys.readouterr().err
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="a folder is hidden from the node by root only")
+def test_a_folder_that_the_node_does_not_see_is_one_message(tiny, quick, cluster):
+    folder = cluster / "project"
+    folder.mkdir()
+    project = tiny((2,), folder)
+    done = project.snakemake("tiny", "--workflow-profile", str(quick), cores=None)
+    assert done.returncode != 0
+    assert "is not shared with the nodes" in done.stderr + done.stdout
+    assert "has been submitted" not in done.stderr + done.stdout
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="a build is hidden from the node by root only")
+def test_a_build_that_the_node_does_not_have_is_one_message(tiny, quick, cluster):
+    ccx = cluster / "ccx"
+    ccx.write_text("#!/bin/sh\necho Version 2.20\n")
+    ccx.chmod(0o755)
+    project = tiny((2,))
+    project.edit("config.yaml", lambda d: d.update(engine="calculix", solver={"command": str(ccx)}))
+    done = project.snakemake("tiny", "--workflow-profile", str(quick), cores=None)
+    assert done.returncode != 0
+    assert "solver.command" in done.stderr + done.stdout
+    assert "node " in done.stderr + done.stdout
+    assert "has been submitted" not in done.stderr + done.stdout
