@@ -12,7 +12,7 @@ import tempfile
 import threading
 import time
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -41,7 +41,8 @@ WORDS = {
     "dry_run_local": "dry run on one machine",
     "dry_run": "dry run for the cluster",
     "dry_run_ratio": "dry run for the cluster over that on one machine",
-    "status": "`limo status`",
+    "status": "`limo status`, wall time",
+    "status_cpu": "`limo status`, CPU time",
     "gather_time": "gathering",
     "gather_memory": "gathering, memory",
 }
@@ -136,12 +137,13 @@ def measure_many(folder: Path, cases: int, root: Path, profile: Path, runs: int 
     snakefile, environment = root / "Snakefile", dict(os.environ)
     local, cluster = [], []
     for _ in range(runs):  # in turns: a busy machine burdens both
-        local.append(_cpu(lambda: _snakemake([STUDY, "-n", "--quiet", "--cores", "1"], folder, snakefile, environment)))
+        words = [STUDY, "-n", "--quiet", "--cores", "1"]
+        local.append(_times(lambda words=words: _snakemake(words, folder, snakefile, environment))[1])
         words = [STUDY, "-n", "--quiet", "--workflow-profile", str(profile)]
-        cluster.append(_cpu(lambda words=words: _snakemake(words, folder, snakefile, environment)))
+        cluster.append(_times(lambda words=words: _snakemake(words, folder, snakefile, environment))[1])
     pretend(folder, plan, solved)
-    status = [sys.executable, "-m", "limo.terminal.cli", "status", "--json"]
-    looks = [_wall(lambda: _run(status, folder, _with_package(environment, root))) for _ in range(runs)]
+    status = [sys.executable, "-m", "limo.terminal.cli", "status"]
+    looks = [_times(lambda: _run(status, folder, _with_package(environment, root))) for _ in range(runs)]
     gather = f"import limo.reports.cluster as c; print(c.gather({STUDY!r}))"
     said = _run([sys.executable, "-c", gather], folder, _with_package(environment, root))
     seconds, memory = map(float, said.split()[-2:])
@@ -150,7 +152,8 @@ def measure_many(folder: Path, cases: int, root: Path, profile: Path, runs: int 
         row("dry_run_local", cases, before, "s CPU", runs),
         row("dry_run", cases, here, "s CPU", runs),
         row("dry_run_ratio", cases, here / before, "", runs),
-        row("status", cases, statistics.median(looks), "s", runs),
+        row("status", cases, statistics.median(wall for wall, _ in looks), "s", runs),
+        row("status_cpu", cases, statistics.median(cpu for _, cpu in looks), "s CPU", runs),
         row("gather_time", cases, seconds, "s"),
         row("gather_memory", cases, memory, "MiB"),
     ]
@@ -282,17 +285,12 @@ def _run(command: Sequence[str], folder: Path, environment: dict[str, str]) -> s
     return done.stdout
 
 
-def _cpu(task: Any) -> float:
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+def _times(task: Callable[[], Any]) -> tuple[float, float]:
+    """Wall time and CPU time (s) of a task's processes."""
+    start, before = time.perf_counter(), resource.getrusage(resource.RUSAGE_CHILDREN)
     task()
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime
-
-
-def _wall(task: Any) -> float:
-    start = time.perf_counter()
-    task()
-    return time.perf_counter() - start
+    return time.perf_counter() - start, after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime
 
 
 # --------------------------------------------------------------------------------------------------------------------

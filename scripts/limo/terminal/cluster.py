@@ -22,9 +22,13 @@ def check_on(name: str, config_file: str, studies: Sequence[str], results: Path)
     profile = read_profile(name)
     project = open_project(config_file, studies, "limo check --on slurm pressure_volume")
     plan, asked = make_plan(project, results), studies or project.config.studies
+    text = estimate_text(estimate(project, plan, asked), profile)
     if profile.executor == SLURM and slurm.is_here():
-        check_slurm(longest(plan, asked, profile.partition))
-    return estimate_text(estimate(project, plan, asked), profile)
+        try:
+            check_slurm(longest(plan, asked, profile.partition))
+        except slurm.NoAnswer as error:
+            text += f"\n  partitions were not looked at: {error}"
+    return text
 
 
 def ready(name: str, left: str) -> Profile:
