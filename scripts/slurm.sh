@@ -7,7 +7,8 @@
 #   scripts/slurm.sh down FOLDER                   cancels all jobs, ends it
 #
 # CPUS may be more than there are; MEMORY is in MiB. OWNER names a process without which it does not go on: it ends by itself
-# soon after that process. HIDDEN names a folder that is empty on its node (root), as one that is not shared.
+# soon after that process. HIDDEN names a folder that is empty on its node (root), as one that is not shared; NODE_DISK one that
+# jobs find as SLURM_TMPDIR.
 # PARTITION_LIMIT (min, 60), KILL_WAIT (s, 2) and MIN_JOB_AGE (s, 300) are set in its configuration.
 set -euo pipefail
 HERE=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
@@ -93,6 +94,11 @@ JobCompLoc=$folder/log/jobs.log
 NodeName=node1 NodeHostname=$host NodeAddr=127.0.0.1 Port=$daemon CPUs=$cpus RealMemory=$memory State=UNKNOWN
 PartitionName=main Nodes=node1 Default=YES DefaultTime=5 MaxTime=${PARTITION_LIMIT:-60} OverSubscribe=NO State=UP
 CONFIGURATION
+    if [ -n "${NODE_DISK:-}" ]; then
+        printf '#!/bin/sh\necho "export SLURM_TMPDIR=%s"\n' "$NODE_DISK" >"$folder/bin/prolog"
+        chmod +x "$folder/bin/prolog"
+        echo "TaskProlog=$folder/bin/prolog" >>"$folder/slurm.conf"
+    fi
     # Snakemake's plugin for steps of jobs keeps SLURM_CONF from its inner srun: this one knows its cluster
     printf '#!/bin/sh\nSLURM_CONF="%s" exec "%s" "$@"\n' "$folder/slurm.conf" "$(command -v srun)" >"$folder/bin/srun"
     chmod +x "$folder/bin/srun"

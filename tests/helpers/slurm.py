@@ -29,12 +29,15 @@ def lacks() -> str:
 
 
 @contextmanager
-def one_folder_slurm(folder: Path, cpus: int = 4, memory: int = 8000, hidden: Path | None = None) -> Iterator[dict[str, str]]:
+def one_folder_slurm(
+    folder: Path, disk: Path, cpus: int = 4, memory: int = 8000, hidden: Path | None = None
+) -> Iterator[dict[str, str]]:
     """The variables by which this process's children find a Slurm that runs as long as the block, and this process, last.
 
-    ``memory`` in MiB. The folder ``hidden`` is empty on its node, which takes root.
+    ``memory`` in MiB. Jobs find the folder ``disk`` as their node's own disk. The folder ``hidden`` is empty on the node, which
+    takes root.
     """
-    environment = os.environ | {"OWNER": str(os.getpid())} | ({"HIDDEN": str(hidden)} if hidden else {})
+    environment = os.environ | {"OWNER": str(os.getpid()), "NODE_DISK": str(disk)} | ({"HIDDEN": str(hidden)} if hidden else {})
     subprocess.run(["bash", SCRIPT, "up", folder, str(cpus), str(memory)], env=environment, check=True, timeout=90)
     try:
         text = (folder / "env.sh").read_text(encoding="utf-8")

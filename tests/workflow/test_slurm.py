@@ -37,10 +37,11 @@ TIMES = ("solver_time", "python_time", "solver_memory")
 def cluster(tmp_path_factory):
     """A Slurm with two processors, to which this process's children submit; yields a folder that its node does not see."""
     folder = tmp_path_factory.mktemp("slurm")
-    hidden = folder / "hidden"
+    hidden, disk = folder / "hidden", folder / "disk"
     hidden.mkdir()
+    disk.mkdir()
     unseen = hidden if os.geteuid() == 0 else None
-    with one_folder_slurm(folder / "daemons", 2, 8000, unseen) as variables, pytest.MonkeyPatch.context() as patch:
+    with one_folder_slurm(folder / "daemons", disk, 2, 8000, unseen) as variables, pytest.MonkeyPatch.context() as patch:
         for name, value in variables.items():
             patch.setenv(name, value)
         yield hidden
@@ -180,10 +181,18 @@ def test_a_sweep_on_slurm_gives_what_a_local_one_gives_and_is_seen_meanwhile(tin
     command += ["--slurm-init-seconds-before-status-checks", "1", "--latency-wait", "10"]
     with (project.folder / "snakemake.log").open("w") as log:
         sweep = subprocess.Popen(list(map(str, command)), stdout=log, stderr=subprocess.STDOUT, start_new_session=True)
-    seen = set()
+    seen, runs = set(), set()
+
+    def watched() -> bool:
+        seen.update(look(capsys, "tiny").values())
+        runs.update(run.parent for run in (project.folder / "results/cases").glob("*/run") if run.is_symlink())
+        return sweep.poll() is not None
+
     with ended(sweep, project):
-        wait_for(lambda: seen.update(look(capsys, "tiny").values()) or sweep.poll() is not None, lambda: said(project))
+        wait_for(watched, lambda: said(project))
     assert sweep.returncode == 0, said(project)
+    assert runs, "on the node's own disk"
+    assert all((case / "run").is_dir() and not (case / "run").is_symlink() for case in runs)
     assert {"waiting", "queued", "running", "converged"} <= seen, "two processors, four cases"
     local = make_local(project, tmp_path / "local")
     here, there = (xr.load_dataset(p.folder / "results/studies/tiny/study.nc").drop_vars(TIMES) for p in (local, project))
@@ -257,14 +266,21 @@ def solvers(project) -> dict[str, int]:
     return found
 
 
-def test_ctrl_c_ends_all_jobs(tiny, quick):
+def test_ctrl_c_ends_all_jobs_and_those_of_a_killed_sweep_can_be_cancelled(tiny, quick):
     project = tiny((2, 4, 6))
     with ended(start(project, quick), project) as sweep:
         wait_for(lambda: all_submitted(project, 3), lambda: said(project))
         os.killpg(sweep.pid, signal.SIGINT)
         assert sweep.wait(PATIENCE) != 0
         wait_for(lambda: not slurm_room.jobs_of(project.folder), lambda: slurm_room.jobs_of(project.folder))
-    finishes(project, quick, statuses(project))
+    before = statuses(project)
+    with ended(start(project, quick), project) as sweep:
+        wait_for(lambda: cases_with_jobs(project), lambda: said(project))
+        os.killpg(sweep.pid, signal.SIGKILL)
+        sweep.wait()
+        assert main(["jobs", "cancel"]) == 0
+        assert not slurm_room.jobs_of(project.folder)
+    finishes(project, quick, before)
 
 
 def test_after_kill_9_no_case_is_solved_twice(tiny, quick, capsys):
@@ -285,17 +301,6 @@ def test_after_kill_9_no_case_is_solved_twice(tiny, quick, capsys):
     solved = statuses(project)
     assert len(solved) == 3
     finishes(project, quick, solved)
-
-
-def test_jobs_of_a_sweep_that_was_killed_can_be_cancelled(tiny, quick):
-    project = tiny((2, 4, 6))
-    with ended(start(project, quick), project) as sweep:
-        wait_for(lambda: all_submitted(project, 3), lambda: said(project))
-        os.killpg(sweep.pid, signal.SIGKILL)
-        sweep.wait()
-        assert main(["jobs", "cancel"]) == 0
-        assert not slurm_room.jobs_of(project.folder)
-    finishes(project, quick, statuses(project))
 
 
 # --------------------------------------------------------------------------------------------------------------------

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import shutil
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from limo.cluster import slurm
@@ -97,13 +97,23 @@ def _check_job(job: Asked, known: Mapping[str, slurm.Partition]) -> None:
 
 
 def asked_of(jobs: Sequence) -> list[Asked]:
-    """What Snakemake's jobs ask for, of those that are submitted; the longest first."""
-    found = []
+    """What Snakemake's jobs ask for, of those that are submitted; the longest first.
+
+    The rules of one case are one job and ask for the sum of their minutes: all of it is said of the solve.
+    """
+    found: list[Asked] = []
+    of_cases: dict[str, list[Asked]] = {}
     for job in jobs:
         if job.is_local or job.is_norun:
             continue
         asks = job.resources
         numbers = (asks.get(name, 0) for name in ("runtime", "mem_mb", "predicted_seconds"))
         keys = (str(asks.get(name) or "") for name in ("slurm_partition", "slurm_account", "constraint", "qos"))
-        found.append(Asked(job.rule.name, next(iter(job.wildcards), ""), *numbers, *keys))
+        case_id = getattr(job.wildcards, "case", "")
+        one = Asked(job.rule.name, case_id or next(iter(job.wildcards), ""), *numbers, *keys)
+        (of_cases.setdefault(case_id, []) if case_id else found).append(one)
+    for parts in of_cases.values():
+        first = max(parts, key=lambda part: (part.rule == "solve_case", part.minutes))
+        most = max(part.memory for part in parts)
+        found.append(replace(first, minutes=sum(part.minutes for part in parts), memory=most))
     return sorted(found, key=lambda one: -one.minutes)

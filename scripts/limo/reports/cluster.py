@@ -203,6 +203,7 @@ class Job:
 
     @property
     def cpu(self) -> float:
+        """CPU time (s) of all its processes."""
         return sum(self._cpu.values())
 
     def saw(self, processes: Sequence[tuple[int, int, float, float, str]]) -> None:

@@ -1,18 +1,20 @@
 """The own disk of a cluster's node, where an engine writes while it runs: results lie on a file system that many share.
 
-The folder of the run becomes a link to the node's disk. Small files are copied beside it every few seconds, by which other
-machines see how far the run is; at its end they are moved to where they would have been.
+The folder of the run becomes a link to the node's disk. Small files are copied beside it every few seconds: other machines see
+by them how far the run is. At its end they are moved to where they would have been.
 """
 
 from __future__ import annotations
 
 import os
 import shutil
+import signal
 import tempfile
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 from limo.store.results import CaseFiles
 
@@ -65,15 +67,27 @@ def on_own_disk(files: CaseFiles) -> Iterator[None]:
     over = threading.Event()
     mirror = threading.Thread(target=_mirror, args=(scratch, files.seen.run, over), daemon=True)
     mirror.start()
+    before = _end_in_order() if threading.current_thread() is threading.main_thread() else None
     try:
         yield
     finally:
+        if before is not None:
+            signal.signal(signal.SIGTERM, before)
         over.set()
         mirror.join()
         files.run.unlink(missing_ok=True)
         _copy(scratch, files.run, KEPT)
         shutil.rmtree(scratch, ignore_errors=True)
         shutil.rmtree(files.seen.folder, ignore_errors=True)
+
+
+def _end_in_order() -> Any:
+    """Have a cancelled job end by an exception, so that nothing stays on the node's disk; returns what was done before."""
+
+    def end(number: int, _: Any) -> None:
+        raise SystemExit(128 + number)
+
+    return signal.signal(signal.SIGTERM, end)
 
 
 def _mirror(scratch: Path, seen: Path, over: threading.Event) -> None:

@@ -1,5 +1,7 @@
 """A run on the node's own disk: its files are where they would have been, and are seen meanwhile."""
 
+import os
+import signal
 import time
 
 import pytest
@@ -37,6 +39,21 @@ def test_a_run_lies_on_the_own_disk_and_comes_back(node, monkeypatch):
     assert [file.name for file in files.run.iterdir()] == ["progress.json"], "large files stay behind"
     assert not list(disk.iterdir())
     assert not files.seen.folder.exists()
+
+
+def test_a_job_that_is_cancelled_leaves_nothing_on_the_disk(node):
+    disk, files = node
+
+    def cancelled() -> None:
+        with solving(files.folder):
+            os.kill(os.getpid(), signal.SIGTERM)
+            time.sleep(5)
+
+    with pytest.raises(SystemExit):
+        cancelled()
+    assert not list(disk.iterdir())
+    assert files.lock.exists(), "broken off"
+    assert signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
 
 
 def test_a_link_of_a_job_that_was_killed_is_in_nobodys_way(node, monkeypatch):
