@@ -1,5 +1,6 @@
 # Entry points of the project; `make help` lists them.
-# Variables: CORES (cores of a sweep, and workers of the tests), PYTHON (the Python that .venv is made with).
+# Variables: CORES (cores of a sweep; the tests have one worker more, because they also wait for other processes), PYTHON (the Python
+# that .venv is made with).
 
 SHELL := bash
 .DEFAULT_GOAL := help
@@ -41,7 +42,7 @@ sweep: setup ## solve the pressure-volume study, print its table and draw its fi
 test: setup lint cluster ## lint, then run every test
 	@bash scripts/browser.sh
 	@bash scripts/slurm.sh install
-	@OMP_NUM_THREADS=1 $(BIN)/pytest --numprocesses $(CORES) --dist loadgroup --no-loadscope-reorder
+	@OMP_NUM_THREADS=1 $(BIN)/pytest --numprocesses $$(($(CORES) + 1)) --dist loadscope --no-loadscope-reorder
 
 lint: setup ## check style of Python and Snakemake files
 	@$(BIN)/ruff check .

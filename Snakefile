@@ -14,7 +14,7 @@ from limo.accuracy.roles import error_studies, is_kept, is_timed
 from limo.cases.case import engine_code, solve_code
 from limo.cases.cost import plan_costs, ranks
 from limo.cases.plan import make_plan
-from limo.checkout import check_folder, check_results
+from limo.checkout import check_archive, check_folder, check_results
 from limo.cluster.handed import handed
 from limo.cluster.resources import script_memory, script_minutes, solve_memory, solve_minutes
 from limo.config.builds import engines_of, with_found_builds
@@ -56,6 +56,7 @@ ASKED = asked_studies(WORDS, CONFIG_FILE, RESULTS, {"paper": PAPER}) if workflow
 try:
     check_folder(workflow.basedir)
     check_results(Path.cwd())
+    check_archive(WORDS)
     for key, value in config.items():
         if key not in ("file", "solving"):  # the second is set below, for scripts
             expected = f"the key file alone: {key} is a line of that file"

@@ -20,9 +20,8 @@ with logged(snakemake.log[0]) as log:  # noqa: F821
     folder = Path(snakemake.output.status).parent  # noqa: F821
     log.info("predicted %s s of CPU time", snakemake.resources.predicted_seconds)  # noqa: F821
     with solving(folder):
-        if status := restore(case, folder, recovery):
-            log.info("was solved when the sweep was broken off")
-        else:
+        status = restore(case, folder, recovery)
+        if status is None:
             status = solve_case(case, Path(snakemake.input.mesh), folder, settings)  # noqa: F821
             keep(folder)
     log.info("%s %s after %.0f s of CPU time", status["status"], status["reason"], status["solver_cpu_seconds"])

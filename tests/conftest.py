@@ -1,6 +1,6 @@
 """Fixtures shared by all tests: the shipped configuration, coarse meshes, cases, and writers of solver files.
 
-With two workers (``make test``) what is dear and can be kept is made by one of them, see ``tests/helpers/shared.py``.
+With several workers (``make test``) what is dear and can be kept is made by one of them, see ``tests/helpers/shared.py``.
 """
 
 from __future__ import annotations
@@ -30,18 +30,59 @@ from tests.helpers import shared
 
 ROOT = Path(__file__).resolve().parents[1]
 COARSE = MeshLevel(degrees_of_freedom=12000, grading=0.8)
-#: folders of tests, those with long ones first: the short ones fill the time of the worker that is done earlier
-FOLDERS = ("workflow", "physics", "unit")
+#: fixtures that one worker makes for all, dearest first: see ``_schedule``
+MADE_ONCE = ("everything", "tested", "solved", "finished", "pretended_once")
+#: files of long tests that share something dear, which one worker takes
+TOGETHER = (
+    "workflow/test_bench_tutorial.py",
+    "workflow/test_page.py",
+    "workflow/test_paths.py",
+    "physics/test_recovery.py",
+    "physics/test_stress.py",
+)
 
 
-@pytest.hookimpl(tryfirst=True)  # xdist reads the marks
+def pytest_xdist_make_scheduler(config: pytest.Config, log):
+    """What several workers take as one: a file of quick tests, or one of ``TOGETHER``; any other test is by itself.
+
+    The marks of ``--dist loadgroup`` are not seen by pytest-xdist 3.8 under pytest 9.2.
+    """
+    from xdist.scheduler import LoadScopeScheduling
+
+    class Scheduling(LoadScopeScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            file = nodeid.partition("::")[0]
+            return file if file.removeprefix("tests/").startswith(("unit/", *TOGETHER)) else nodeid
+
+    return Scheduling(config, log)
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """What several workers take as one: a file of quick tests, and what a module marks with ``xdist_group``; others are apart."""
-    for item in items:
-        if _folder(item) == "unit" and item.get_closest_marker("xdist_group") is None:
-            item.add_marker(pytest.mark.xdist_group(item.nodeid.split("::")[0]))
+    """Order what several workers share."""
     if "PYTEST_XDIST_WORKER" in os.environ:
-        items.sort(key=lambda item: FOLDERS.index(_folder(item)))
+        _schedule(items)
+
+
+def _schedule(items: list[pytest.Item]) -> None:
+    """Order tests so that no worker waits for another one.
+
+    First comes one test of each fixture of ``MADE_ONCE``, which different workers then make side by side. Long tests that need
+    none of them follow, then those that do. The quick ones fill the time of the worker that is done earlier.
+    """
+    makers: dict[str, pytest.Item] = {}
+    for item in items:
+        for name in MADE_ONCE:
+            if _folder(item) == "workflow" and name in item.fixturenames:
+                makers.setdefault(name, item)
+    first = [makers[name] for name in MADE_ONCE if name in makers]
+
+    def rank(item: pytest.Item) -> int:
+        if item in first:
+            return first.index(item) - len(first)
+        shares = _folder(item) == "workflow" and not makers.keys().isdisjoint(item.fixturenames)
+        return {"workflow": 2 if shares else 0, "physics": 1, "unit": 3}[_folder(item)]
+
+    items.sort(key=rank)
 
 
 def _folder(item: pytest.Item) -> str:

@@ -6,7 +6,9 @@ Set-up runs this file before anything is installed: it needs nothing but Python.
 from __future__ import annotations
 
 import os
+import shutil
 import sys
+from collections.abc import Iterable
 
 from limo.errors import LimoError
 
@@ -49,6 +51,19 @@ def check_results(folder: str | os.PathLike[str]) -> None:
     path = os.path.realpath(folder)
     if "\\" in path:
         raise LimoError(f"{_shown(path)}: no dataset can be written here, because the path has \\ ({_NETCDF}); run elsewhere")
+
+
+def check_archive(words: Iterable[str]) -> None:
+    """Raise ``LimoError`` with what to do instead if ``words`` ask Snakemake for an archive where there is no conda.
+
+    Snakemake packs the environments of conda into it. The project's own set-up needs none of them.
+    """
+    if any(word.partition("=")[0] == "--archive" for word in words) and not shutil.which("conda"):
+        raise LimoError(
+            "snakemake --archive packs environments of conda, which is not installed; without it: git archive --output "
+            "limo.tar.gz HEAD holds the project with the versions of all packages (requirements.lock), tar -czf results.tar.gz "
+            "results what was solved; unpack both in one folder and call make setup there"
+        )
 
 
 def _refused(path: str) -> dict[str, str]:

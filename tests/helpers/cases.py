@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import shutil
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import xarray as xr
@@ -23,8 +25,18 @@ def study(**changes):
     values = {
         "axes": {"n_pouches": [8], "ventricular_pressure": [3.8]}, "actuation_pressure_max": 60.0,
         "frames": [0, "P_v + 10", "max"], "mesh": {"level": "preview", "symmetry": "quarter", "element": "C3D20R"},
+        "outputs": ["volumes"],
     }  # fmt: skip
     return Study.model_validate(values | changes)
+
+
+def without_studies(root: Path, folder: Path) -> Path:
+    """The shipped configuration in ``folder``, without its studies; returns the folder that studies belong into."""
+    shutil.copytree(root / "config", folder / "config")
+    studies = folder / "config" / "studies"
+    for file in studies.iterdir():
+        file.unlink()
+    return studies
 
 
 def configured(loaded, **studies) -> Project:

@@ -18,6 +18,8 @@ from limo.engines.calculix.frd import FrdFile
 from limo.engines.newton import iteration as newton
 from limo.engines.newton.assembly import Assembly
 from limo.engines.newton.pardiso import SymmetricSolver
+from limo.engines.newton.refined import RefinedSolver
+from limo.engines.newton.tangent import Tangent
 from limo.mechanics.build import build_model, described
 from limo.mechanics.equilibrium import residual
 from limo.mechanics.model import Equation, Model, Pressure
@@ -47,9 +49,9 @@ def solved(model: Model) -> tuple[newton.Path, np.ndarray]:
 
 
 def negative_pivots(model: Model, displacements: np.ndarray, ventricular: float, actuation: float) -> int:
-    assembly = Assembly(model)
-    solver = SymmetricSolver(assembly.indptr, assembly.indices)
-    count = solver.factorise(assembly.tangent(displacements, ventricular, actuation))
+    tangent = Tangent(Assembly(model))
+    solver = SymmetricSolver(tangent.indptr, tangent.indices)
+    count = solver.factorise(tangent.assemble(displacements, ventricular, actuation))
     solver.close()
     return count
 
@@ -318,6 +320,61 @@ def test_calculix_stays_where_newton_rests_and_goes_where_it_goes(case, tmp_path
     ours, theirs = (cavities(u[bricks]) - cavities(first[bricks]) for u in (last, raised))
     assert (np.abs(ours) > 100).all()  # mm^3
     np.testing.assert_allclose(theirs, ours, rtol=1e-3)
+
+
+# --- other factors and tangents -------------------------------------------------------------------------------------------
+
+
+def levers(**keys: str) -> dict:
+    """Changes of a case with keys of the engine."""
+    return {"newton": keys}
+
+
+@pytest.mark.parametrize(
+    "changes", [{}, {"n_pouches": 8}, {"element": "C3D20"}, {"symmetry": "front_back"}, {"symmetry": "full"}], ids=str
+)
+def test_single_precision_rests_where_double_does(case, changes):
+    """Both to a residual of 1e-6, so that states differ by as much as rounding leaves open."""
+    double, single = (solved(device(case, **changes, **levers(factor_precision=p))) for p in ("double", "single"))
+    assert np.abs(single[1] - double[1]).max() < 1e-4
+    assert (double[0].pressure == single[0].pressure).all()
+    counts = [sum(path.iterations.values()) for path, _ in (double, single)]
+    assert counts[1] < 1.25 * counts[0]
+    assert double[0].details["refinements"] == 0
+    assert single[0].details["solutions"] <= single[0].details["refinements"] <= 2 * single[0].details["solutions"]
+
+
+@pytest.mark.parametrize("keys", [{"factor_precision": "single"}, {"geometric_stiffness": "mixed"}], ids=str)
+def test_paths_repeat_to_the_bit(case, keys):
+    first, again = (solved(device(case, **levers(**keys))) for _ in range(2))
+    assert np.array_equal(first[1], again[1])
+    assert first[0].details["factorisations"] == again[0].details["factorisations"]
+
+
+def test_a_factor_that_hides_a_negative_eigenvalue_raises_the_shift(case, monkeypatch):
+    """Never a step of nothing: what the conjugate gradients refuse is tried again as after a negative pivot."""
+    found = RefinedSolver.solve
+    refused = itertools.chain([True, True], itertools.repeat(False))
+    monkeypatch.setattr(RefinedSolver, "solve", lambda self, right: None if next(refused) else found(self, right))
+    model = device(case, **levers(factor_precision="single"))
+    path, u = solved(model)
+    assert path.rejected >= 2
+    assert residual(model, u, path.pressure[-1]).full < 1e-3
+
+
+def test_the_mixed_stress_rests_where_the_consistent_one_does_in_other_steps(case):
+    consistent, mixed = (solved(device(case, 8, **levers(geometric_stiffness=g))) for g in ("consistent", "mixed"))
+    assert np.abs(mixed[1] - consistent[1]).max() < 1e-3
+    assert mixed[0].details["solutions"] <= mixed[0].details["factorisations"], "each has its own factor"
+    assert mixed[0].iterations != consistent[0].iterations
+
+
+def test_a_path_with_mixed_stress_is_carried_on_as_if_it_had_not_ended(case):
+    """At a new load the stress is that of the state: nothing is remembered that a path does not keep."""
+    short, whole = (device(case, maximum=m, **levers(geometric_stiffness="mixed")) for m in (1.0, 3.0))
+    begun = newton.solve(short, Solver())
+    carried, straight = newton.solve(whole, Solver(), after=begun), newton.solve(whole, Solver())
+    assert np.abs(carried.displacements(len(carried.stage) - 1) - straight.displacements(len(straight.stage) - 1)).max() < 1e-4
 
 
 # --- failure --------------------------------------------------------------------------------------------------------------

@@ -22,8 +22,6 @@ from tests.helpers.cases import small_mesh, with_
 
 PRESSURE = 10.0  # kPa
 
-pytestmark = pytest.mark.xdist_group("stress")  # one solved case for all
-
 
 def printed(text: str, name: str, elements: int) -> np.ndarray:
     """A table of *EL PRINT (xx, yy, zz, xy, xz, yz) as tensors (m, 8, 3, 3)."""

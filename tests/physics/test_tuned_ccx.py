@@ -135,8 +135,8 @@ def test_analysis_is_kept_while_the_pattern_stays_and_only_then(tuned, tmp_path)
 
 
 def test_freed_memory_is_kept(tuned, tmp_path):
-    """Pages are mapped once, not in every iteration (the stock solver maps some thousands in each of this deck)."""
+    """Pages are mapped once, not in every iteration: in all no more than the solve's memory, which is 149 MiB at its peak."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN).ru_minflt
-    _, iterations, _ = solve("device", tuned, tmp_path)
+    solve("device", tuned, tmp_path)
     faults = resource.getrusage(resource.RUSAGE_CHILDREN).ru_minflt - before
-    assert faults / iterations < 500
+    assert faults * resource.getpagesize() < 200 * 2**20

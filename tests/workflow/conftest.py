@@ -15,6 +15,7 @@ from limo.cases.plan import Plan, make_plan
 from limo.config.builds import with_found_builds
 from limo.config.load import load_config
 from limo.store.files import write_json
+from tests.helpers.cases import without_studies
 from tests.helpers.shared import made_once
 from tests.helpers.snakemake import run_snakemake
 
@@ -23,6 +24,7 @@ STUDY = {
     "description": "two coarse devices up to a low pressure",
     "axes": {"n_pouches": [2, 4], "ventricular_pressure": [3.8]},
     "actuation_pressure_max": 10.0,
+    "outputs": ["volumes"],
     "figures": ["pressure_volume"],
 }
 
@@ -105,11 +107,9 @@ def jobs(done: subprocess.CompletedProcess[str]) -> dict[str, int]:
 
 def make_project(folder: Path) -> Project:
     """The project's own configuration with one tiny study and a very coarse mesh level."""
-    shutil.copytree(ROOT / "config", folder / "config")
-    for study in (folder / "config" / "studies").iterdir():
-        study.unlink()
+    studies = without_studies(ROOT, folder)
     project = Project(folder)
-    (folder / "config" / "studies" / "tiny.yaml").write_text(yaml.safe_dump(STUDY))
+    (studies / "tiny.yaml").write_text(yaml.safe_dump(STUDY))
 
     def coarser(config):
         config["studies"] = ["tiny"]

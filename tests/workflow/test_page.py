@@ -21,10 +21,7 @@ PATIENCE = 180_000  # ms: without a graphics card everything is drawn by the pro
 SOFTWARE = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 NASTY = '</script><script>window.hacked = 1</script><img src=x onerror="window.hacked = 2">'
 
-pytestmark = [
-    pytest.mark.skipif(CHROMIUM is None, reason="no Chromium: install the system's package chromium"),
-    pytest.mark.xdist_group("page"),  # one browser, in which one test goes on where another one ended
-]
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium: install the system's package chromium")
 
 
 @pytest.fixture(scope="module")

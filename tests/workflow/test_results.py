@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
+import subprocess
 from pathlib import Path
 
 import meshio
@@ -25,6 +27,8 @@ DATASETS = {
     "airbag.nc": "airbags/*/airbag.nc",
     "tensile_test.nc": "material/tensile_test.nc",
 }
+#: numbers and texts that netCDF's classic formats have
+CLASSIC = {"S1", "int8", "int16", "int32", "float32", "float64"}
 #: what a file has only where a device snapped, which the tiny one does not
 ONLY_AFTER_A_SNAP = {"measures.nc": {"buckling_difference"}}
 
@@ -121,3 +125,33 @@ def test_datasets_are_plain_netcdf_with_the_attributes_of_cf(everything, name):
                     assert "_FillValue" not in given, f"{file.name}, {key}: an axis has no gaps"
         with xr.open_dataset(file) as dataset:
             assert dataset.sizes
+
+
+@pytest.mark.parametrize("name", DATASETS)
+def test_datasets_can_be_turned_into_classic_netcdf(everything, name, tmp_path):
+    for file in files(everything, DATASETS[name]):
+        with netCDF4.Dataset(file) as data, netCDF4.Dataset(tmp_path / "classic.nc", "w", format="NETCDF3_CLASSIC") as classic:
+            for key, dimension in data.dimensions.items():
+                classic.createDimension(key, len(dimension))
+            for key, variable in data.variables.items():
+                kind = variable.dtype.str[1:] if variable.dtype.kind == "S" else str(variable.dtype)
+                assert kind in CLASSIC, f"{file.name}, {key}: {kind}"
+                copy = classic.createVariable(key, variable.dtype, variable.dimensions)
+                copy.setncatts({k: variable.getncattr(k) for k in variable.ncattrs() if k != "_FillValue"})
+            classic.setncatts({k: data.getncattr(k) for k in data.ncattrs()})
+        if shutil.which("nccopy"):
+            subprocess.run(["nccopy", "-k", "classic", file, tmp_path / "copied.nc"], check=True)
+
+
+@pytest.mark.skipif(not shutil.which("octave"), reason="Octave is not installed")
+def test_the_documented_line_for_texts_works_in_octave(everything, tmp_path):
+    """The remedy of docs/troubleshooting.md, on a study of several dimensions and with the words that Python reads."""
+    (remedy,) = re.findall(r"`(t = ncread.*?)`", DOCUMENT.with_name("troubleshooting.md").read_text(encoding="utf-8"))
+    (file,) = files(everything, DATASETS["study.nc"])
+    script = f"pkg load netcdf; file = '{file}'; {remedy}; for k = 1:rows(t) disp(t(k, :)); end"
+    done = subprocess.run(["octave", "--no-gui", "--quiet", "--eval", script], capture_output=True, text=True, check=False)
+    if "netcdf" in done.stderr and "not" in done.stderr:
+        pytest.skip("Octave has no package netcdf")
+    assert done.returncode == 0, done.stderr
+    with xr.open_dataset(file) as dataset:
+        assert done.stdout.replace("\0", "").split() == dataset.case_status.values.ravel().tolist()

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import shutil
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +14,7 @@ import xarray as xr
 from limo.accuracy.statistics import rows_of, sizes_of
 from limo.accuracy.table import read_errors
 from limo.reports.accuracy_airbag import read_airbags
+from limo.terminal.cli import main
 from tests.helpers.results_page import rows, table
 
 from .conftest import ROOT, Project, copied, jobs, make_project, run
@@ -134,6 +137,30 @@ def test_nothing_is_solved_again_without_a_reason(solved, tmp_path):
     assert solved.planned() == {}
 
 
+def test_a_touched_script_runs_nothing_and_limo_check_says_the_same(pretended, capsys, monkeypatch):
+    """Times of scripts are no reason: the digest of the code is a parameter of every rule."""
+    scripts = [ROOT / "scripts/solve_case.py", ROOT / "scripts/gather_study.py"]
+    before = {script: script.stat() for script in scripts}
+    try:
+        for script in scripts:
+            script.touch()
+        assert pretended.planned() == {}
+    finally:
+        for script, then in before.items():
+            os.utime(script, ns=(then.st_atime_ns, then.st_mtime_ns))
+    monkeypatch.chdir(pretended.folder)
+    assert main(["check", "tiny"]) == 0
+    assert "2 solved" in capsys.readouterr().out
+
+
+def test_an_archive_without_conda_is_one_message_with_what_helps(project, monkeypatch):
+    monkeypatch.setenv("PATH", str(Path(sys.executable).parent))  # where no conda is
+    done = project.snakemake("--archive", "limo.tar.gz", "tiny")
+    assert done.returncode != 0
+    assert "git archive" in done.stdout + done.stderr
+    assert "Traceback" not in done.stdout + done.stderr
+
+
 def test_another_ventricular_pressure_solves_that_case_on_the_same_mesh(solved, tmp_path):
     project = copied(solved.folder, tmp_path / "copy")
     project.edit("studies/tiny.yaml", lambda d: d["axes"].update(n_pouches=[2], ventricular_pressure=[4.8]))
@@ -193,11 +220,17 @@ def test_nothing_is_measured_for_a_study_of_volumes_alone(project):
     assert "write_fields" not in planned
 
 
+def test_contact_is_measured_unless_a_study_says_otherwise(project):
+    project.edit("studies/tiny.yaml", lambda d: d.pop("outputs"))
+    assert project.planned("tiny")["measure_case"] == 2
+
+
 def test_only_cases_of_studies_that_ask_are_measured(project):
     """Of two studies that share a case the one that asks for stress has it measured; fields are written only on demand."""
     text = (project.folder / "config/studies/tiny.yaml").read_text()
     asking = project.folder / "config/studies/asking.yaml"
-    asking.write_text(text.replace("- 2\n", "").replace("[2, 4]", "[4]") + "outputs: [volumes, stress]\n")
+    text = text.replace("- 2\n", "").replace("[2, 4]", "[4]")
+    asking.write_text(text.replace("outputs:\n- volumes\n", "outputs: [volumes, stress]\n"))
     planned = project.planned("tiny", "asking")
     assert planned["solve_case"] == 2
     assert planned["measure_case"] == 1

@@ -10,6 +10,9 @@ from limo.bench.tensile import fit_tensile, with_error
 from limo.config.project import Project
 from limo.schema.bench import TensileTest
 
+#: Young's modulus in MPa below which a sheet is softer than most rubbers
+_SOFT = 1.0
+
 
 def check_files(project: Project, names: Iterable[str]) -> list[str]:
     """A line each about the tensile test and the measured curves of studies. Raises ``ConfigError`` for the first mistake.
@@ -22,7 +25,18 @@ def check_files(project: Project, names: Iterable[str]) -> list[str]:
         count = f"{len(fit.lines)} specimens" if len(fit.lines) > 1 else "one specimen"
         files, synthetic = ", ".join(test.files), "synthetic, " if fit.reading.synthetic else ""
         lines.append(f"  tensile test {files}: {synthetic}{count}, E = {with_error(fit.modulus, fit.error)} MPa")
-    return lines + check_curves(project, names)
+    return lines + soft_devices(project, names) + check_curves(project, names)
+
+
+def soft_devices(project: Project, names: Iterable[str]) -> list[str]:
+    """A line about each device of studies whose modulus is below that of most rubbers: it may be in GPa."""
+    settings = [setting for name in names for setting in project.settings(name).values()]
+    moduli = dict.fromkeys(setting.device.material.youngs_modulus for setting in settings)
+    return [
+        f"  youngs_modulus: {modulus:g} MPa is that of a soft rubber; in GPa it would be {1000 * modulus:g} MPa"
+        for modulus in moduli
+        if modulus < _SOFT
+    ]
 
 
 def check_curves(project: Project, names: Iterable[str]) -> list[str]:

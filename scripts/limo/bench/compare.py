@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from limo.bench import units
 from limo.bench.curves import LOADING, SAME_PRESSURE, Curves, Expected, read_curves
 from limo.cases.grid import GridPoint
 from limo.config.project import Project
@@ -66,6 +67,11 @@ def study_curves(project: Project, name: str, measured: MeasuredCurves | None = 
             f"curves at a P_v of the study, {at} kPa; ventricular_pressure says at which",
         )
         example = f"ventricular_pressure: {expected.ventricular_pressures[0]:g}"
+        for unit in ("mmHg", "cmH2O", "mbar"):
+            scale = units.factor(unit, "pressure")
+            if any(abs(scale * p - q) < SAME_PRESSURE for p in own for q in expected.ventricular_pressures):
+                text, example = f"{text}; in {unit} they would be", f"units: {{ventricular_pressure: {unit}}}"
+                break
         raise ConfigError(measured.data, "ventricular_pressure", value, text, example)
     return curves
 

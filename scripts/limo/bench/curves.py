@@ -31,6 +31,8 @@ SMALLEST_CHANGE = 1.0
 _TURN = 0.1
 #: pressures (kPa) and volumes (ml) that are believed of files that name no unit, where no study says more
 _PRESSURES, _VOLUMES = (1.0, 150.0), (1.0, 2000.0)
+#: pressures (kPa) of the air, from which absolute ones begin
+_AIR = (90.0, 110.0)
 #: units that are tried where a pressure or a volume is too large or too small
 _LARGER = {"pressure": ("mmHg", "cmH2O", "mbar", "Pa"), "volume": ("ul", "ml")}
 _SMALLER = {"pressure": ("psi", "bar", "MPa"), "volume": ("oz", "l")}
@@ -59,7 +61,7 @@ class Curves:
     @property
     def labels(self) -> list[str]:
         """The names of the curves in their order."""
-        return list(dict.fromkeys(self.table.label))
+        return self.table.label.unique().tolist()
 
     def measured(self, name: str) -> bool:
         """Whether a quantity was measured at all."""
@@ -85,7 +87,8 @@ def read_curves(measured: MeasuredCurves, expected: Expected | None = None) -> C
     if not frames:
         raise ConfigError(table.path, "(rows)", len(table.lines), "rows with an actuation pressure", ",".join(COLUMNS[5:8]))
     found = pd.concat(frames, ignore_index=True)
-    _check_ranges(table, expected, found)
+    _check_numbers(table, found)
+    said += _check_ranges(source, found)
     stated = {n: e for n, e in measured.efficiency.items() if not (found.n_pouches == n).any()}
     if stated:
         rows = [
@@ -96,7 +99,7 @@ def read_curves(measured: MeasuredCurves, expected: Expected | None = None) -> C
 
 
 def _summary(found: pd.DataFrame) -> str:
-    names = list(dict.fromkeys(found.label))
+    names = found.label.unique().tolist()
     listed = ", ".join(names[:6]) + (", ..." if len(names) > 6 else "")
     cycles = f", up to {int(found.cycle.max())} cycles" if found.cycle.max() > 1 else ""
     loops = ", loading and unloading" if (found.direction == UNLOADING).any() else ""
@@ -161,13 +164,17 @@ def _curves_of(table: Table, measured: MeasuredCurves) -> Iterator[tuple[str, di
 
 
 def _efficiency(table: Table, column: Column) -> tuple[np.ndarray, str]:
-    """Efficiencies as shares: above 1 they are in per cent where no unit is named."""
+    """Efficiencies as shares: above 1 they are in per cent where no unit is named. Raises ``ConfigError`` beyond 100 %."""
     if not is_assumed(column):
-        return in_wanted_unit(table, column, CURVES)
-    percent = bool(np.nanmax(column.values, initial=0.0) > 1.0)
-    unit = "%" if percent else "1"
-    note = f"efficiency: column {column.number} {column.name}, in {unit} (by its values)"
-    return column.values * units.factor(unit, "strain"), note
+        shares, note = in_wanted_unit(table, column, CURVES)
+    else:
+        unit = "%" if np.nanmax(column.values, initial=0.0) > 1.0 else "1"
+        shares, note = column.values * units.factor(unit, "strain"), f"in {unit} (by its values)"
+        note = f"efficiency: column {column.number} {column.name}, {note}"
+    if len(wrong := shares[(shares < 0) | (shares > 1)]):
+        expected = "shares from 0 to 1, or per cent from 0 to 100; units says which"
+        raise ConfigError(table.path, "efficiency", f"{wrong[0]:.4g}", expected, "units: {efficiency: '%'}")
+    return shares, note
 
 
 def _by_label(table: Table, label: str, values: Mapping[str, np.ndarray]) -> Iterator[tuple[str, np.ndarray]]:
@@ -199,6 +206,9 @@ def _frame(source: _Source, label: str, values: dict[str, np.ndarray], rows: np.
     """The points of one curve."""
     table, measured, expected, said = source.table, source.measured, source.expected, source.said
     pressure = values["actuation_pressure"]
+    if len(pressure) and -pressure.min() > pressure.max():
+        pressure = -pressure
+        said.append(f"{label}: actuation_pressure was negative: turned")
     if _is_mixed(pressure) and "time" not in values:
         order = np.argsort(pressure, kind="stable")
         values, rows, pressure = {k: v[order] for k, v in values.items()}, rows[order], pressure[order]
@@ -281,12 +291,12 @@ def _stated_direction(table: Table, rows: np.ndarray) -> list[str] | None:
     columns = table.of("direction")
     if not columns:
         return None
-    texts = [str(t).casefold() for t in columns[0].values[rows]]
-    falls = [bool(re.search(r"unload|down|deflat|decreas|fall|release|entlast|^-1?$|ab$", t)) for t in texts]
-    rises = [bool(re.search(r"(?<!un)load|up|inflat|increas|rise|belast|^\+?1?$|auf$", t)) for t in texts]
+    words, at = np.unique(columns[0].values[rows].astype(str), return_inverse=True)
+    falls = [re.search(r"unload|down|deflat|decreas|fall|release|entlast|^-1?$|ab$", word.casefold()) for word in words]
+    rises = [re.search(r"(?<!un)load|up|inflat|increas|rise|belast|^\+?1?$|auf$", word.casefold()) for word in words]
     if not all(f or r for f, r in zip(falls, rises, strict=True)):
         return None
-    return [UNLOADING if f else LOADING for f in falls]
+    return np.array([UNLOADING if f else LOADING for f in falls])[at].tolist()
 
 
 def _is_mixed(pressure: np.ndarray) -> bool:
@@ -336,26 +346,52 @@ def _turns(pressure: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 # whether units can be right
 
 
-def _check_ranges(table: Table, expected: Expected, found: pd.DataFrame) -> None:
-    """Values in units that nobody said must be in the range of the study; the message names the unit that is likely."""
+def _check_numbers(table: Table, found: pd.DataFrame) -> None:
+    """Numbers of whole curves must be possible, whatever their unit: counts from 1, and pressures that are not negative."""
+    limits = {"n_pouches": (1.0, 100.0, "n_pouches: 6"), "ventricular_pressure": (0.0, 1000.0, "ventricular_pressure: 3.8")}
+    for name, (low, high, example) in limits.items():
+        values = found[name].dropna().to_numpy(float)
+        if len(wrong := values[(values < low) | (values > high)]):
+            raise ConfigError(table.path, name, f"{wrong[0]:.4g}", f"{low:g} to {high:g}", example)
+
+
+def _check_ranges(source: _Source, found: pd.DataFrame) -> list[str]:
+    """Values in units that nobody said must be in the range of the study; the message names the unit that is likely.
+
+    What the file says itself is believed and told where it is not in that range. It is refused only where it cannot be: volumes
+    larger than the device, and pressures that begin at that of the air. A key ``units`` is always believed.
+    """
+    table, expected, told = source.table, source.expected, []
     kinds = {"actuation_pressure": ("pressure", expected.pressures)}
     kinds |= {name: ("volume", expected.volumes) for name in ("stroke_volume", "actuation_volume_change")}
     absolute = {"stroke_volume": "ventricle_volume", "actuation_volume_change": "actuation_volume"}
     for name, (kind, (low, high)) in kinds.items():
         columns = table.of(name) or table.of(absolute.get(name, name))
-        if not columns or not all(is_assumed(c) for c in columns) or not found[name].notna().any():
+        if not columns or not found[name].notna().any() or columns[0].quantity in source.measured.units:
             continue
-        largest, wanted = float(found[name].abs().max()), units.WANTED[kind]
+        quantity, values = columns[0].quantity, found[name].dropna().abs()
+        if name == "actuation_pressure" and _AIR[0] < values.min() < _AIR[1]:
+            expected_text = "pressures over that of the air, which begin near zero; subtract it in the file, or state units"
+            raise ConfigError(table.path, quantity, f"from {values.min():.4g} kPa", expected_text, f"units: {{{quantity}: kPa}}")
+        largest, wanted = float(values.max()), units.WANTED[kind]
         if low <= largest <= high:
             continue
-        others = (_LARGER if largest > high else _SMALLER)[kind]
-        converted = {unit: largest * units.factor(unit, kind) for unit in others}
-        likely = {unit: value for unit, value in converted.items() if low <= value <= high} or converted
+        likely = _likely(columns[0], largest, kind, low, high)
         would = ", ".join(f"{value:.3g} {wanted} if in {unit}" for unit, value in likely.items())
-        quantity = columns[0].quantity
-        expected_text = (
-            f"a largest value of {low:.4g} to {high:.4g} {wanted} where the file names no unit; units says which ({would})"
-        )
-        raise ConfigError(
-            table.path, quantity, f"up to {largest:.4g}", expected_text, f"units: {{{quantity}: {next(iter(likely))}}}"
-        )
+        where = "where the file names no unit" if is_assumed(columns[0]) else "of such a device, whatever the file says"
+        if is_assumed(columns[0]) or (kind == "volume" and largest > high):
+            text = f"a largest value of {low:.4g} to {high:.4g} {wanted} {where}; units says which ({would})"
+            example = f"units: {{{quantity}: {next(iter(likely))}}}"
+            raise ConfigError(table.path, quantity, f"up to {largest:.4g}", text, example)
+        told.append(f"{quantity}: up to {largest:.4g} {wanted} is taken as the file says, although {would} would fit better")
+    return told
+
+
+def _likely(column: Column, largest: float, kind: str, low: float, high: float) -> dict[str, float]:
+    """Units that would bring a column's largest value, in the wanted unit now, into a range, and what it were then."""
+    written = largest / (1.0 if is_assumed(column) else units.factor(column.unit, kind))
+    others = (*_LARGER[kind], units.WANTED[kind], *_SMALLER[kind])
+    if is_assumed(column):
+        others = (_LARGER if largest > high else _SMALLER)[kind]
+    converted = {unit: written * units.factor(unit, kind) for unit in others}
+    return {unit: value for unit, value in converted.items() if low <= value <= high} or converted

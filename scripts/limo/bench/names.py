@@ -72,9 +72,17 @@ def understand(name: str, vocabulary: Vocabulary) -> Meaning | None:
                 break
     if found is None:
         return None
-    words = set(found[2].split())
-    rest = " ".join(w for w in re.findall(r"[^\W_]+", base) if w.casefold() in words) or found[2]
-    return Meaning(found[0], found[1], rest, unit)
+    return Meaning(found[0], found[1], _as_written(found[2], base), unit)
+
+
+def _as_written(rest: str, name: str) -> str:
+    """The words that are left of a name as it has them; of one that stands there twice the last: names of devices do."""
+    left, written = rest.split(), []
+    for word in reversed(re.findall(r"[^\W_]+", name)):
+        if word.casefold() in left:
+            left.remove(word.casefold())
+            written.insert(0, word)
+    return " ".join(written) or rest
 
 
 def _fits(text: str, by_kind: Mapping[str, str], *, listed: bool) -> bool:
@@ -141,8 +149,10 @@ TENSILE = Vocabulary(
 # --------------------------------------------------------------------------------------------------------------------
 # measured curves
 
-_OF_POUCHES = r"(actuat\w*|pouch|pouches|inflation|inflate\w*|air|input|in|supply|a|pa|va|dva)"
-_OF_VENTRICLE = r"(ventric\w*|stroke|output|out|chamber|eject\w*|heart|after ?load|v|pv|vv|dvv|sv)"
+# letters of symbols such as P_a and V_v; an A or a V elsewhere is rather the name of a device
+_POUCHES_LETTER, _VENTRICLE_LETTER = (rf"(?<=\bp ){letter}|(?<=\bv ){letter}|(?<=\bdv ){letter}" for letter in "av")
+_OF_POUCHES = rf"(actuat\w*|pouch|pouches|inflation|inflate\w*|air|input|in|supply|{_POUCHES_LETTER}|pa|va|dva)"
+_OF_VENTRICLE = rf"(ventric\w*|stroke|output|out|chamber|eject\w*|heart|after ?load|{_VENTRICLE_LETTER}|pv|vv|dvv|sv)"
 _CHANGED = r"(delta|changes?|dva|dvv|dv|d|stroke|output|out|eject\w*|sv)"
 _PRESSURE, _VOLUME = r"(pressure|press|druck|p|pa|pv|after ?load)", r"(volume|vol|volumen|va|vv|dva|dvv|dv|v|sv|stroke)"
 _OTHERS = {
@@ -197,7 +207,8 @@ def _pressure_or_volume(text: str, is_pressure: bool) -> tuple[Mapping[str, str]
     else:
         return None
     known = rf"{_PRESSURE}|{_VOLUME}|{_OF_POUCHES}|{_OF_VENTRICLE}|{_CHANGED}|of|the"
-    rest = " ".join(w for w in text.split() if not re.fullmatch(known, w) or (any(words) and len(w) == 1))
+    without_symbols = re.sub(r"\b(p|v|dv) [av]\b", " ", text)
+    rest = " ".join(w for w in without_symbols.split() if not re.fullmatch(known, w) or (any(words) and len(w) == 1))
     return {"pressure" if is_pressure else "volume": name}, name, rest
 
 

@@ -18,7 +18,10 @@ GAPS = {
     *("", "nan", "na", "n/a", "#n/a", "#na", "null", "none", "-", "--", "---", "?", "inf", "-inf", "+inf"),
     *("1.#qnan", "1.#inf", "#div/0!", "#num!", "#value!"),
 }
+#: blanks and quotation marks around a cell
+_EDGES = ' \t\f\v"'
 _BODY = re.compile(r"[+-]?([\d.,' ]*\d[\d.,' ]*)(?:[eE][+-]?\d+)?")
+_BEGIN = re.compile(r"[+-]?[\d.,]")
 _THREES = {mark: re.compile(rf"[1-9]\d{{0,2}}(?:{re.escape(mark)}\d{{3}})+") for mark in ",. '"}
 
 
@@ -60,23 +63,26 @@ def _plain(cells: np.ndarray) -> np.ndarray:
     joined = "\0".join(cells)
     for wrong, right in (("\u2212", "-"), ("\xa0", " "), ("\u202f", " "), ("\u2009", " "), ("\u2019", "'")):
         joined = joined.replace(wrong, right)
-    if " " in joined or '"' in joined:
-        return np.array([c.strip().strip('"').strip() for c in joined.split("\0")], object)
+    framed = f"\0{joined}\0"
+    if any(f"\0{edge}" in framed or f"{edge}\0" in framed for edge in _EDGES):  # looked for at once: cells are many
+        return np.array([c.strip(_EDGES) for c in joined.split("\0")], object)
     return np.array(joined.split("\0"), object)
 
 
 def _without_suffix(cells: np.ndarray) -> tuple[np.ndarray, str]:
     """Cells without the unit that stands behind every number, and that unit."""
-    first = next((c for c in cells[::-1] if c and re.match(r"[+-]?[\d.,]", c)), "")
+    first = _first_number(cells[:-50:-1]) or _first_number(pd.unique(cells[::-1]))
     found = re.fullmatch(r"[+-]?[\d.,]+(?:[eE][+-]?\d+)? ?([^\d\s.,;:+-][^\d\s.,;:]{0,7}\d?)", first)
     if not found or not units.is_any_unit(found[1]):
         return cells, ""
-    with_unit = [c for c in cells if c.endswith(found[1]) and re.match(r"[+-]?[\d.,]", c)]
-    without = [c for c in cells if c and re.fullmatch(_BODY, c)]
-    if len(without) > 0:
+    if any(_BODY.fullmatch(c) for c in cells if not c.endswith(found[1])):
         return cells, ""
-    cut = {c: c.removesuffix(found[1]).rstrip() for c in set(with_unit)}
-    return np.array([cut.get(c, c) for c in cells], object), found[1]
+    cut = [c.removesuffix(found[1]).rstrip() if c.endswith(found[1]) and _BEGIN.match(c) else c for c in cells]
+    return np.array(cut, object), found[1]
+
+
+def _first_number(cells: np.ndarray) -> str:
+    return next((c for c in cells if c and _BEGIN.match(c)), "")
 
 
 def _bodies(cells: np.ndarray, mark: str) -> list[str]:
@@ -169,6 +175,7 @@ def _converted(cells: np.ndarray, decimal: str, thousands: str) -> np.ndarray:
         threes = re.compile(rf"[+-]?\d{{1,3}}(?:{re.escape(thousands)}\d{{3}})+(?:{re.escape(decimal)}\d*)?(?:[eE][+-]?\d+)?")
         texts = np.array([c.replace(thousands, "") if thousands in c and threes.fullmatch(c) else c for c in texts], object)
     if decimal == ",":
-        texts = np.array([c.replace(",", ".") if "." not in c else "text" for c in texts], object)
+        joined = "\0".join("text" if "." in c else c for c in texts)
+        texts = np.array(joined.replace(",", ".").split("\0"), object)
     found = pd.to_numeric(pd.Series(texts), errors="coerce").to_numpy(float)
     return np.where(np.isfinite(found), found, np.nan)

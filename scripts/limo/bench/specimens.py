@@ -249,9 +249,8 @@ def _parts(table: Table, pair: _Pair, usable: np.ndarray) -> list[tuple[str, np.
     far, block = pair.far[usable], table.block[usable]
     whole = np.ptp(far) or 1.0
     mixed = _is_mixed(far)
-    for k in range(1, len(usable)) if not mixed else ():
-        if block[k] == block[k - 1] and far[k - 1] - far[k] < 0.1 * whole:
-            continue
+    may_begin = (block[1:] != block[:-1]) | (far[:-1] - far[1:] >= 0.1 * whole)
+    for k in (np.flatnonzero(may_begin) + 1).tolist() if not mixed else ():
         before = far[starts[-1] : k]
         # counted from where it starts, whichever way it is counted
         back = abs(before[-1] - before[0]) - abs(far[k] - before[0])

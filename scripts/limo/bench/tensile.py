@@ -20,6 +20,8 @@ from limo.schema.bench import PLAUSIBLE_MODULUS, SIZES, TensileTest
 _WITHOUT_UNITS, _STRAINS_WITHOUT_UNITS = (5.0, 50_000.0), (1e-3, 10.0)
 #: a force in N that is larger than this at some point, in a file that names no unit, is rather one in kN
 _SMALLEST_FORCE = 1.0
+#: strains, stated as shares, that are told because they are large for a fabric
+_LARGE_STRAIN = 1.0
 #: standard deviation between specimens over their mean that is told
 _LARGE_SCATTER = 0.2
 #: a parabola's change of slope over the window that is told, and its largest probability by chance
@@ -71,6 +73,10 @@ class Fit:
         said = []
         for specimen, line in zip(self.specimens, self.lines, strict=True):
             said += [f"{specimen.name}: {note}" for note in line.notes]
+            if (reach := float(np.ptp(specimen.strain))) > _LARGE_STRAIN and "length" not in specimen.sizes:
+                said.append(
+                    f"{specimen.name}: strains reach {reach:.0%}; if they are in %, units says so and E is 100 times as large"
+                )
             if abs(line.trend) > _TREND and line.trend_probability < _BY_CHANCE:
                 how = "falls" if line.trend < 0 else "rises"
                 chance = f"p = {line.trend_probability:.1g}" if line.trend_probability > 1e-12 else "p < 1e-12"
@@ -115,7 +121,10 @@ def _fit(test: TensileTest, specimen: Specimen) -> Line:
         below = f"strains below tensile_test.largest_strain = {test.largest_strain:g}"
         where = f"strains of the window {test.window}" if test.window else below
         expected = f"three or more points with rising force at {where}; strains are {x.min():.3g} to {x.max():.3g}"
-        raise ConfigError(specimen.file, f"specimen {specimen.name}", f"{len(x)} points", expected, "largest_strain: 0.1")
+        in_percent = x.max() > 1 and "length" not in specimen.sizes
+        example = "units: {strain: '%'}" if in_percent else "largest_strain: 0.1"
+        expected += f", in % they would be {x.min() / 100:.3g} to {x.max() / 100:.3g}" if in_percent else ""
+        raise ConfigError(specimen.file, f"specimen {specimen.name}", f"{len(x)} points", expected, example)
     return line
 
 
@@ -151,22 +160,28 @@ def _check(test: TensileTest, specimen: Specimen, line: Line) -> None:
         key = "modulus_range says what is believed"
         because = " of a file that names no unit" if (low, high) == _WITHOUT_UNITS else ", between a rubber's and a metal's"
         expected = f"{low:g} to {high:g} MPa{because}; units says which units the file has, {key}"
-        raise ConfigError(specimen.file, where, value, f"{expected}{_likely(line.modulus)}", _unit_example(specimen, line))
+        raise ConfigError(specimen.file, where, value, f"{expected}{_likely(specimen, line)}", _unit_example(specimen, line))
 
 
-def _likely(modulus: float) -> str:
+def _likely(specimen: Specimen, line: Line) -> str:
+    """Units that would give a modulus that can be right, in words; strains of an elongation in m would be a thousand times."""
+    modulus, reach = line.modulus, float(np.ptp(specimen.strain))
     if modulus < 1:
         return f"; forces in kN would give {1000 * modulus:.4g} MPa"
-    return (
-        f"; elongations in m would give {modulus / 1000:.4g} MPa, strains in % {modulus / 100:.4g} MPa" if modulus > 1e4 else ""
-    )
+    if modulus <= 1e4:
+        return ""
+    found = [f"elongations in m would give {modulus / 1000:.4g} MPa"] if 1000 * reach <= _STRAINS_WITHOUT_UNITS[1] else []
+    found += [f"forces in mN {modulus / 1000:.4g} MPa", f"strains in % {modulus / 100:.4g} MPa"]
+    return "; " + ", ".join(found)
 
 
 def _unit_example(specimen: Specimen, line: Line) -> str:
     is_force, is_length = "width" in specimen.sizes, "length" in specimen.sizes
     if line.modulus < PLAUSIBLE_MODULUS[0] or line.modulus < _WITHOUT_UNITS[0]:
         return "units: {force: kN}" if is_force else "units: {stress: GPa}"
-    return "units: {elongation: m}" if is_length else "units: {strain: '%'}"
+    if is_length and 1000 * float(np.ptp(specimen.strain)) <= _STRAINS_WITHOUT_UNITS[1]:
+        return "units: {elongation: m}"
+    return "units: {force: mN}" if is_force else "units: {stress: kPa}" if is_length else "units: {strain: '%'}"
 
 
 def _area(test: TensileTest, specimen: Specimen) -> float:

@@ -200,7 +200,7 @@ def _split(path: Path, lines: list[str], separator: str) -> tuple[pd.DataFrame, 
     try:
         cells = pd.read_csv(
             StringIO("\n".join([line or empty for line in lines])), sep=separator, header=None, names=range(width),
-            index_col=False, dtype=str, keep_default_na=False, na_filter=False, skip_blank_lines=False, skipinitialspace=True,
+            index_col=False, dtype=object, keep_default_na=False, na_filter=False, skip_blank_lines=False, skipinitialspace=True,
             engine="c",
         ).fillna("")  # fmt: skip
     except (ValueError, pd.errors.ParserError) as error:

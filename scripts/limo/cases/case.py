@@ -61,7 +61,7 @@ class Case:
             "aspect_ratio": self.aspect_ratio,
             "stiffness_ratio": self.stiffness_ratio,
             "engine": self.engine,
-            "numerics": self.numerics.for_engine(self.engine).model_dump(mode="json"),
+            "numerics": self.numerics.content(self.engine),
             "build": self.build,
             "branch": self.branch,
         }

@@ -146,6 +146,7 @@ def restore(case: Case, folder: Path, recovery: str) -> dict[str, Any] | None:
     for file in sorted((*kept.solved, kept.own_mesh), key=lambda file: file.name == STATUS):
         if file.exists() and not (folder / file.name).exists():
             os.link(file, folder / file.name)
+    log.info("taken as it is: an earlier run solved this case, by the same code and settings")
     return one.status.to_json()
 
 

@@ -27,6 +27,8 @@ from limo.schema.section import ENGINES, ElementName
 from limo.schema.solver import Rung
 from limo.schema.study import ROLES, Study, Variant
 
+#: densities (g/cm^3) of what a sheet may be made of, from open knitwear to heavy metal
+_DENSITIES = (0.01, 25.0)
 _OLD_ROLE = re.compile(rf"^({'|'.join(ROLES)})_(.+)$")
 
 
@@ -147,10 +149,35 @@ def checked_setting(known: Known, path: Path, study: Study, name: str, variant: 
         section = f"{prefix if getattr(variant, key) else ''}{key}"
         mistake = explain(model, error, path)
         raise ConfigError(path, f"{section}.{mistake.key}", mistake.value, mistake.expected, mistake.example) from None
+    stated = {**(study.material or {}), **(variant.material or {})}
+    check_density(path if stated else known.files[f"devices/{setting.device_name}"], setting.device.material, stated)
     check_name(path, f"{prefix}mesh.level", setting.mesh.level, known.config.mesh_levels)
     if find_element(setting.mesh.element).is_shell:
         check_shells(path, study, prefix, setting)
     return setting
+
+
+def check_density(path: Path, material: Material, stated: Collection[str]) -> None:
+    """Mass per area over thickness must be the density of a solid (g/cm^3), or one of both has another unit.
+
+    ``stated``: the keys that ``path`` states, where it is a study's.
+    """
+    (low, high), density = _DENSITIES, material.areal_density / material.thickness / 1000  # 1 g/m^2 over 1 mm: 0.001 g/cm^3
+    if low <= density <= high:
+        return
+    units = {"thickness": ("m", 1000 * material.thickness), "areal_density": ("kg/m^2", 1000 * material.areal_density)}
+    if density > high and "areal_density" not in stated:
+        key, usual = "thickness", 0.19
+    elif density < low and "thickness" not in stated:
+        key, usual = "areal_density", 170.0
+    else:
+        key, usual = ("areal_density", 170.0) if "areal_density" in stated else ("thickness", 0.19)
+    unit, value = units[key]
+    other = {"thickness": (material.areal_density, value), "areal_density": (value, material.thickness)}[key]
+    fits = low <= other[0] / other[1] / 1000 <= high
+    expected = f"a density of {low:g} to {high:g} g/cm^3, with areal_density in g/m^2 and thickness in mm, and not {density:.3g}"
+    expected += f"; a {key} in {unit} would be {value:.4g}" if fits else ""
+    raise ConfigError(path, f"material.{key}", getattr(material, key), expected, f"{key}: {value if fits else usual:.4g}")
 
 
 def check_shells(path: Path, study: Study, prefix: str, setting: Setting) -> None:
@@ -161,7 +188,7 @@ def check_shells(path: Path, study: Study, prefix: str, setting: Setting) -> Non
         raise ConfigError(path, f"{prefix}mesh.symmetry", setting.mesh.symmetry, expected, "mesh: {symmetry: full}")
     if study.measures:
         expected = f"volumes only with element {element}, which keeps no displacements through the thickness"
-        example = "mesh: {level: preview, symmetry: quarter, element: C3D20R}"
+        example = "outputs: [volumes]"
         raise ConfigError(path, "outputs", study.outputs, expected, example)
     if usable := _other_elements(ENGINES if study.cross_check else [setting.engine], element):
         key, value = ("cross_check", study.cross_check) if study.cross_check else (f"{prefix}engine", setting.engine)
@@ -205,7 +232,7 @@ def check_measured(path: Path, study: Study) -> None:
         return
     file = study.measured_curves.data
     if not Path(file).is_file():
-        raise ConfigError(path, "measured", file, "a readable CSV file", "measured: config/measured/arfaee2025.csv")
+        raise ConfigError(path, "measured", file, "a readable CSV file", "measured: config/measured/curves_synthetic.csv")
     if study.figures and not set(study.figures) & set(MEASURED):
         expected = f"one of {', '.join(MEASURED)} among them: the others have no axes for the measured curves of the study"
         raise ConfigError(path, "figures", study.figures, expected, f"figures: [{MEASURED[0]}]")

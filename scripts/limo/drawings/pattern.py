@@ -13,7 +13,7 @@ from typing import Any, Literal
 import numpy as np
 import shapely
 from scipy.optimize import minimize_scalar
-from shapely import LineString, Point
+from shapely import LineString, Point, Polygon
 
 from limo.config.yaml_file import parse
 from limo.drawings.fit import curves_of, spline_points
@@ -304,6 +304,8 @@ def _layout(roles: Roles, everything: dict[str, list[np.ndarray]], tolerance: fl
         if groups == len(pouches) > 1:
             gap = min(a.distance(b) for k, a in enumerate(pouches) for b in pouches[:k])
             found = f"{groups} pouches that share no seam, {gap:.3g} mm apart"
+        if _in_rows(list(getattr(whole, "geoms", []))):
+            _refuse(roles, f"{found}, in rows along the axis", "keep one row, with seams from its lower border to its upper one")
         _refuse(roles, found, "draw the seam between two pouches once, for both")
     border = whole.exterior if whole.exterior.is_ccw else whole.exterior.reverse()
     inner = [piece for piece in pieces if border.distance(piece.interpolate(0.5, normalized=True)) > 2.0 * GRID]
@@ -315,6 +317,12 @@ def _layout(roles: Roles, everything: dict[str, list[np.ndarray]], tolerance: fl
     if len(pouches) != len(seams) + 1:
         _refuse(roles, f"{len(pouches)} pouches and {len(seams)} seams between them", "draw seams from border to border")
     return points_of(border), [seam if seam[0, 1] <= seam[-1, 1] else seam[::-1] for seam in seams]
+
+
+def _in_rows(groups: Sequence[Polygon]) -> bool:
+    """Whether one of some groups of pouches lies above another, nearer to the apex."""
+    boxes = [group.bounds for group in groups]
+    return any(a[3] <= b[1] and a[0] < b[2] and b[0] < a[2] for a in boxes for b in boxes)
 
 
 def _at(x: float, y: float) -> str:

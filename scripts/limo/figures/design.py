@@ -18,7 +18,8 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None, shapes: xr.Dataset)
     dims = pictures.varying(shapes)
     cases = [case for line in pictures.case_grid(shapes, "")[2] for case in line]
     rows, columns, _ = pictures.case_grid(shapes, "n_pouches")
-    wide, tall = pictures.PAIRS.size(len(rows), 2 * len(columns))
+    grid, note = pictures.pairs(shapes)
+    wide, tall = grid.size(len(rows), 2 * len(columns))
     figure, above, below = style.stacked(wide, 3.0, tall)
     axes = above.subplots(1, 4, width_ratios=[1, 1, 1, 0.8])
     panels = (
@@ -50,7 +51,7 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None, shapes: xr.Dataset)
     scale = stress_scale(shapes)
     pictures.pair_grid(dataset, shapes, lambda case: pictures_of(case, scale), below)
     below.text(0.005, 0.97, "(e)", fontsize=9)
-    pictures.colour_bar(below, scale, "Von Mises stress [MPa]", extend="max")
+    pictures.colour_bar(below, scale, "Von Mises stress [MPa]", extend="max", note=note)
     return figure
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import matplotlib.pyplot as plt
@@ -165,8 +165,24 @@ class Grid:
         return axes
 
 
-#: pictures in pairs
-PAIRS = Grid(width=1.15, block=(0, 2), room=(0.0, 0.12))
+#: room below the colour bar for a line of small print, and width of one of its letters, in inches
+_LINE, _LETTER = 0.12, 0.047
+#: what the star behind a pressure means
+STAR = "* front and back would touch here; the model has no contact"
+
+
+def with_notes(grid: Grid, columns: int, notes: list[str]) -> tuple[Grid, str]:
+    """The same grid with room for notes below the colour bar, and these in lines that are no wider than all columns."""
+    wide = int(grid.size(1, columns)[0] / _LETTER)
+    lines = [line for note in notes for line in textwrap.wrap(note, wide)]
+    return replace(grid, bottom=grid.bottom + _LINE * len(lines)), "\n".join(lines)
+
+
+def pairs(shapes: xr.Dataset) -> tuple[Grid, str]:
+    """Where pictures in pairs stand, and the note below them: what a star means, where one of their pressures has it."""
+    _, columns, cases = case_grid(shapes, "n_pouches")
+    starred = any(is_touching(case, last_frame(case)) for line in cases for case in line)
+    return with_notes(Grid(width=1.15, block=(0, 2), room=(0.0, 0.12)), 2 * len(columns), [STAR] * starred)
 
 
 def picture_figure(rows: int, columns: int, grid: Grid):
@@ -186,7 +202,8 @@ def pair_grid(dataset: xr.Dataset, shapes: xr.Dataset, draw: Callable[[xr.Datase
     """Two pictures of each case side by side, which ``draw`` makes; cases in rows P_v and columns N_p, or what varies."""
     rows, columns, cases = case_grid(shapes, "n_pouches")
     count = len(rows), 2 * len(columns)
-    figure, axes = picture_figure(*count, PAIRS) if parent is None else (parent, PAIRS.axes(parent, *count))
+    grid, _ = pairs(shapes)
+    figure, axes = picture_figure(*count, grid) if parent is None else (parent, grid.axes(parent, *count))
     for i, (line, row, name) in enumerate(zip(cases, axes, rows, strict=True)):
         for k, case in enumerate(line):
             images = draw(case) or (None, None)
@@ -199,11 +216,16 @@ def pair_grid(dataset: xr.Dataset, shapes: xr.Dataset, draw: Callable[[xr.Datase
     return figure
 
 
+def is_touching(case: xr.Dataset, frame: int | None) -> bool:
+    """Whether front and back would touch in a frame; not without a frame."""
+    return frame is not None and bool(case.frame_contact.values[frame] > 0)
+
+
 def pressure_label(case: xr.Dataset, frame: int | None) -> str:
     """The pressure of a frame, with a star where layers would touch; nothing without a frame."""
     if frame is None:
         return ""
-    star = "*" if case.frame_contact.values[frame] > 0 else ""
+    star = "*" if is_touching(case, frame) else ""
     return f"$P_a$ = {float(case.frame_pressure[frame]):.4g} kPa{star}"
 
 
@@ -212,11 +234,12 @@ def row_label(axis, text: str) -> None:
     axis.annotate(text, (-0.02, 0.5), xycoords="axes fraction", ha="right", va="center", rotation=90, fontsize=9)
 
 
-def colour_bar(figure, scale: Scale, text: str, extend: str = "neither"):
-    """A colour bar at the bottom, below all panels."""
+def colour_bar(figure, scale: Scale, text: str, extend: str = "neither", note: str = ""):
+    """A colour bar at the bottom, below all panels, and below it a ``note`` in small print."""
     wide, tall = figure.bbox.width / figure.figure.dpi, figure.bbox.height / figure.figure.dpi
-    length = min(0.6 * wide, 5.0)
-    axis = figure.add_axes((0.5 - length / wide / 2, 0.42 / tall, length / wide, 0.11 / tall))
+    length, low = min(0.6 * wide, 5.0), 0.42 + (_LINE * (note.count("\n") + 1) if note else 0.0)
+    axis = figure.add_axes((0.5 - length / wide / 2, low / tall, length / wide, 0.11 / tall))
+    figure.text(0.5, 0.03 / tall, note, ha="center", va="bottom", fontsize=6.5)
     bar = figure.colorbar(ScalarMappable(scale.norm, scale.map), cax=axis, orientation="horizontal", extend=extend)
     bar.ax.tick_params(labelsize=8)
     bar.set_label(text, labelpad=1, fontsize=9)

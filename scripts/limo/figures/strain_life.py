@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import textwrap
+
 import numpy as np
 import pandas as pd
 import xarray as xr
@@ -70,4 +72,5 @@ def _device(axis, dataset: xr.Dataset, shapes: xr.Dataset, fatigue: Fatigue) -> 
     axis.set_title("(b) " + ",\n".join(word for word in words if word), loc="left")
     below = axis.inset_axes((0.02, 0.02, 0.96, 0.035))
     bar = axis.figure.colorbar(ScalarMappable(scale.norm, scale.map), below, orientation="horizontal", extend="max")
-    bar.set_label("Expected cycles $N_f$ [-] near seams")
+    star = "\n".join(["", *textwrap.wrap(pictures.STAR, 44)]) if pictures.is_touching(case, pictures.last_frame(case)) else ""
+    bar.set_label(f"Expected cycles $N_f$ [-] near seams{star}")

@@ -114,7 +114,7 @@ class AirbagNumerics(Section):
 
     def for_engine(self, engine: str) -> dict[str, Any]:
         """Plain data of the part that ``engine`` looks at."""
-        by_engine = {"newton": self.newton.model_dump(mode="json"), "calculix": self.model_dump(mode="json", exclude={"newton"})}
+        by_engine = {"newton": self.newton.content(), "calculix": self.model_dump(mode="json", exclude={"newton"})}
         return by_engine[engine]
 
 

@@ -169,7 +169,7 @@ class MeasuredCurves(Layout):
     """Measured pressure-volume curves that are laid over a study's figures and compared with it."""
 
     data: str = Field(
-        description="file of the curves, a path from the project's root", examples=["config/measured/arfaee2025.csv"]
+        description="file of the curves, a path from the project's root", examples=["config/measured/curves_synthetic.csv"]
     )
     n_pouches: Annotated[int, Field(ge=1, le=100)] | dict[str, Annotated[int, Field(ge=1, le=100)]] | None = Field(
         None, description="N_p of the measured device, or of each by its label; odd ones are allowed", examples=[{"bag A": 5}]

@@ -2,10 +2,18 @@
 
 from __future__ import annotations
 
+from typing import Any, Literal
+
 from pydantic import Field, model_validator
 
 from limo.schema.element import element
 from limo.schema.section import NAME, ElementName, Section, Symmetry
+
+Precision = Literal["single", "double"]
+
+
+GeometricStiffness = Literal["consistent", "mixed"]
+
 
 #: displacements of the largest mesh
 LARGEST_MESH = 5_000_000
@@ -98,6 +106,16 @@ class Newton(Section):
     shift_growth: float = Field(5.0, gt=1, le=100, description="factor of the shift after a rejected step", examples=[5.0])
     shift_decay: float = Field(0.5, gt=0, lt=1, description="factor of the shift after an accepted step", examples=[0.5])
     iterations: int = Field(400, ge=5, le=100000, description="most iterations at one load", examples=[400])
+    factor_precision: Precision = Field(
+        "single",
+        description="of the factors of the tangent; with single, solutions are refined on the tangent in double precision",
+        examples=["double"],
+    )
+    geometric_stiffness: GeometricStiffness = Field(
+        "consistent",
+        description="stress in the tangent's geometric part: consistent, that of the state; mixed, as the last step predicted it",
+        examples=["mixed"],
+    )
 
     @model_validator(mode="after")
     def _ordered(self) -> Newton:
@@ -106,6 +124,15 @@ class Newton(Section):
         if self.first_shift < self.smallest_shift:
             raise ValueError("first_shift no smaller than smallest_shift")
         return self
+
+    def content(self) -> dict[str, Any]:
+        """Plain data by which results are named, without the keys of ``LATER`` that have their defaults."""
+        plain = self.model_dump(mode="json")
+        return {key: value for key, value in plain.items() if key not in LATER or value != Newton.model_fields[key].default}
+
+
+#: keys of ``Newton`` that came when results had names already, which they are to keep
+LATER = ("factor_precision", "geometric_stiffness")
 
 
 class Numerics(Section):
@@ -151,6 +178,11 @@ class Numerics(Section):
         still = Stage(damping=0, duration=1)
         neutral = Numerics(fit=still, hold=still, ramp=Stage(damping=0, rate=1))
         return neutral.model_copy(update={name: getattr(self, name) for name in READ_BY[engine]})
+
+    def content(self, engine: str) -> dict[str, Any]:
+        """Plain data by which a case of ``engine`` is named."""
+        seen = self.for_engine(engine)
+        return seen.model_dump(mode="json") | {"newton": seen.newton.content()}
 
     @property
     def solver_damping(self) -> float:

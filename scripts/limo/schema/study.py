@@ -125,10 +125,10 @@ class Study(Section):
         examples=[[0, "P_v + 10", "max"]],
     )
     outputs: list[Output] = Field(
-        default=["volumes"],
+        default=["volumes", "contact"],
         min_length=1,
         description="what is computed for the cases: contact, stress, strain and fatigue at the frames, fields for ParaView at "
-        "fields_at",
+        "fields_at; shells have volumes alone",
         examples=[["volumes", "stress", "strain", "fatigue", "fields"]],
     )
     fields_at: list[float | str] = Field(
@@ -153,7 +153,7 @@ class Study(Section):
         description="file of measured curves to lay over figures and to compare with, a path from the project's root; or "
         "with keys of what it does not say itself (docs/bench.md)",
         examples=[
-            "config/measured/arfaee2025.csv",
+            "config/measured/curves_synthetic.csv",
             {"data": "config/measured/mine.csv", "units": {"actuation_pressure": "mmHg"}},
         ],
     )
@@ -198,7 +198,7 @@ class Study(Section):
     def needed_frames(self, ventricular_pressure: float) -> list[float]:
         """Pressures (kPa) that a case going further must have kept to stand for one of the study, in order.
 
-        Nothing is computed from the frames of a study of volumes alone: its ``max`` means the end of whatever case it is.
+        A study of volumes and contact needs no frame at its end: its ``max`` means the end of whatever case it is.
         """
         if self.uses_frames:
             return self.frames_for(ventricular_pressure)
@@ -221,8 +221,11 @@ class Study(Section):
 
     @property
     def uses_frames(self) -> bool:
-        """Whether something is computed from displacements: an output beyond volumes, or surfaces for a figure."""
-        return bool(self.measures) or any(figure in SHAPES for figure in self.figures)
+        """Whether something is computed at certain frames: an output beyond volumes and contact, or surfaces for a figure.
+
+        Contact is sought in whatever frames there are.
+        """
+        return bool(set(self.measures) - {"contact"}) or any(figure in SHAPES for figure in self.figures)
 
     @property
     def measures(self) -> tuple[str, ...]:

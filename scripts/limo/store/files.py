@@ -72,7 +72,8 @@ def write_netcdf(
 ) -> None:
     """Write a dataset as a whole, as netCDF-4 of the simplest kind and by the CF conventions.
 
-    Texts are arrays of UTF-8 characters, which every reader of netCDF knows; strings of any length are newer than some.
+    Texts are arrays of UTF-8 characters, which every reader of netCDF knows; strings of any length are newer than some. Whole
+    numbers have at most 32 bits: so a file can be turned into netCDF's classic formats, which know no longer ones.
     ``packed``: how variables are stored, by their names. ``checked``: every array of numbers is under a checksum that readers
     verify, some kB each.
     """
@@ -83,12 +84,21 @@ def write_netcdf(
             stored["dtype"] = "S1"
         elif checked and variable.dtype.kind in "fi" and variable.ndim and variable.size:
             stored["fletcher32"] = True
+        if variable.dtype.kind in "iu" and "dtype" not in stored and _fits_classic(variable):
+            stored["dtype"] = "int32"
         if name in dataset.dims:  # an axis has no gaps
             stored["_FillValue"] = None
         if stored:
             encoding[name] = stored
     dataset = dataset.assign_attrs({"Conventions": CONVENTIONS} | dataset.attrs)
     write_whole(path, lambda aside: dataset.to_netcdf(aside, encoding=encoding))
+
+
+def _fits_classic(variable: xr.Variable) -> bool:
+    """Whether whole numbers are of a type that netCDF's classic formats do not have, and fit into 32 bits, which these have."""
+    if variable.dtype.name in ("int8", "int16", "int32"):
+        return False
+    return not variable.size or (variable.values.min() >= -(2**31) and variable.values.max() < 2**31)
 
 
 def read_json(path: Path) -> dict[str, Any]:

@@ -31,7 +31,7 @@ figures: [pressure_volume] # any of: {figures}
 # preset: {preset} # mesh, numerics and engine together; of config.yaml: {presets}
 # engine: {engine} # {engines}; of config.yaml when left out
 # mesh: {{level: {level}, symmetry: quarter, element: C3D20R}} # levels of config.yaml: {levels}
-# outputs: [volumes, stress] # any of: {outputs}
+# outputs: [volumes, contact, stress] # any of: {outputs}
 # frames: [0, P_v + 10, max] # pressures in kPa whose displacements are kept
 # fields_at: [max] # pressures of the fields for ParaView
 # cross_check: 1 # cases that the other engine solves too

@@ -19,6 +19,9 @@ from limo.errors import ResultError
 from limo.reports.markdown import shown
 from limo.store.files import UNREADABLE
 
+#: ml of an empty pouch that count as none
+LEAST_VOLUME = 0.1
+
 
 def plan_table(config_file: str, names: Sequence[str], results: Path, cores: int) -> str:
     """One line a study (none named: all): its cases, those solved or served by others, and the CPU time of the rest.
@@ -63,13 +66,16 @@ def plan_table(config_file: str, names: Sequence[str], results: Path, cores: int
 def study_table(path: Path) -> str:
     """One line a case: stroke, ratio and the rest at P_a,max, and the paths of the study's figures.
 
-    With the output contact: the P_a of the first stored frame in which front and back would touch, too.
+    With the output contact: the P_a of the first stored frame in which front and back would touch, too. Raises ``ResultError``
+    where the file is no dataset of a study.
     """
     try:
         with xr.open_dataset(path) as opened:
             dataset = opened.load()
     except UNREADABLE as error:
         raise ResultError(f"{path}: not a study's dataset ({error})") from None
+    if "case_status" not in dataset:
+        raise ResultError(f"{path}: not a study's dataset (no case_status); for example results/studies/NAME/study.nc")
     dims = list(dataset.case_status.dims)
     cases = dataset.stack(case=dims)
     rows = []
@@ -97,8 +103,23 @@ def study_table(path: Path) -> str:
         case = cases.isel(case=k)
         if reason := str(case.case_reason.values) or str(case.efficiency_90ml_reason.values):
             lines.append(f"  {case.case_id.values}: {reason}")
+    lines += _inside_out(cases)
     figures = sorted((path.parent / "figures").glob("*.p*"))
     return "\n".join([*lines, *(f"figure: {f}" for f in figures)])
+
+
+def _inside_out(cases: xr.Dataset) -> list[str]:
+    """Which empty pouches have layers that lie in each other: the model has no contact between them, and dV_a counts that."""
+    rest = cases.actuation_volume.isel(actuation_pressure=0)
+    below = rest.where(rest < -LEAST_VOLUME, drop=True)
+    if not below.size:
+        return []
+    low = f"{float(below.min()):.1f} ml"
+    low = low if below.size == 1 else f"{low} to {float(below.max()):.1f} ml"
+    return [
+        f"V_a at rest is {low} in {below.size} of {rest.size} cases: layers of empty pouches lie in each other, as nothing keeps "
+        "them apart in the model. dV_a counts that volume; give each case cross_check: 1 to see how far engines differ by it"
+    ]
 
 
 def _header(name: str, symbol: str) -> str:

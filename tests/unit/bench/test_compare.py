@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -11,6 +10,7 @@ import pytest
 import xarray as xr
 import yaml
 
+from limo.bench.check import soft_devices
 from limo.bench.compare import comparison, relative_l2, study_curves
 from limo.bench.curves import Expected, read_curves
 from limo.cases.grid import study_cases
@@ -24,6 +24,7 @@ from limo.measure.efficiency import efficiency_at_stroke
 from limo.schema.bench import MeasuredCurves
 from limo.store.files import write_json, write_netcdf
 from limo.terminal.cli import main
+from tests.helpers.cases import without_studies
 from tests.helpers.curves import history_of
 
 from .conftest import FIXTURES
@@ -142,15 +143,13 @@ def test_efficiencies_are_those_of_the_measured_volumes_or_stated(measured):
 @pytest.fixture
 def project(root, tmp_path, monkeypatch):
     """A configuration with one study that has measured curves, whose cases are solved up to 60 kPa."""
-    shutil.copytree(root / "config", tmp_path / "config")
-    for study in (tmp_path / "config/studies").iterdir():
-        study.unlink()
+    studies = without_studies(root, tmp_path)
     study = {
         "description": "beside measured curves", "axes": {"n_pouches": [4, 6], "ventricular_pressure": [3.8, 13.8]},
         "actuation_pressure_max": {3.8: 60, 13.8: 60}, "figures": ["pressure_volume"], "engine": "newton",
-        "measured": "config/measured/curves_synthetic.csv",
+        "measured": "config/measured/curves_synthetic.csv", "outputs": ["volumes"],
     }  # fmt: skip
-    file = tmp_path / "config/studies/mine.yaml"
+    file = studies / "mine.yaml"
     config = yaml.safe_load((root / "config/config.yaml").read_text())
     (tmp_path / "config/config.yaml").write_text(yaml.safe_dump(config | {"studies": ["mine"]}))
     monkeypatch.chdir(tmp_path)
@@ -270,3 +269,19 @@ def test_the_jump_has_the_strokes_that_were_measured_at_its_own_n_p(root):
         drawn.append(sum(len(line.get_xdata()) for line in whole.get_lines() if line.get_marker() in ("o", "v")))
         style.close(figure)
     assert drawn == [18, 0]
+
+
+def test_a_p_v_in_another_unit_is_one_message_that_names_the_unit(project):
+    file = project.folder / "mine.csv"
+    rows = "".join(f"{p},28.5,{2 * p}\n" for p in range(0, 42, 3))
+    file.write_text(f"actuation_pressure,ventricular_pressure,stroke_volume\n{rows}")
+    loaded = project.write(measured=str(file))
+    with pytest.raises(ConfigError, match="in mmHg they would be") as caught:
+        study_curves(loaded, "mine")
+    loaded = project.write(measured={"data": str(file)} | yaml.safe_load(caught.value.example))
+    assert study_curves(loaded, "mine").table.ventricular_pressure.iloc[0] == pytest.approx(3.8, abs=0.01)
+
+
+def test_check_tells_of_a_modulus_that_may_be_in_gpa(project):
+    assert soft_devices(project.write(), ["mine"]) == []
+    assert "in GPa it would be 267 MPa" in soft_devices(project.write(material={"youngs_modulus": 0.267}), ["mine"])[0]

@@ -199,3 +199,52 @@ def test_what_holds_no_curves_is_one_message(tmp_path, content):
     file.write_bytes(content)
     with pytest.raises(ConfigError, match=r"mine\.csv"):
         read_curves(MeasuredCurves(data=str(file)))
+
+
+def written(tmp_path, head: str, *columns) -> str:
+    file = tmp_path / "mine.csv"
+    rows = [",".join(str(v) for v in row) for row in zip(*columns, strict=True)]
+    file.write_text("\n".join([head, *rows, ""]))
+    return str(file)
+
+
+P, SV = np.linspace(0, 24, 9), 2.5 * np.linspace(0, 24, 9)
+
+
+@pytest.mark.parametrize(
+    ("head", "columns", "says", "keys"),
+    [
+        ("P_a (kPa),SV (l)", (P, SV), "60 ml if in ml", {"units": {"stroke_volume": "ml"}}),
+        ("P_a (kPa),SV (ml)", (P + 101.3, SV), "over that of the air", {"units": {"actuation_pressure": "kPa"}}),
+        ("P_a (kPa),SV (ml),efficiency (%)", (P, SV, [7200] * 9), "shares from 0 to 1", {"units": {"efficiency": "0.0001"}}),
+        ("P_a (kPa),SV (ml),n_pouches", (P, SV, [0] * 9), "1 to 100", {"n_pouches": 6}),
+        ("P_a (kPa),SV (ml),P_v (kPa)", (P, SV, [-3.8] * 9), "0 to 1000", {"ventricular_pressure": 3.8}),
+    ],
+    ids=["litres", "absolute", "efficiency", "pouches", "P_v"],
+)
+def test_numbers_that_cannot_be_are_refused_whatever_unit_is_named(tmp_path, head, columns, says, keys):
+    file = written(tmp_path, head, *columns)
+    with pytest.raises(ConfigError, match=says):
+        read_curves(MeasuredCurves(data=file), STUDY)
+    if "efficiency" not in keys.get("units", {}):
+        assert len(read_curves(MeasuredCurves(data=file, **keys), STUDY).table) == 9
+
+
+def test_a_pressure_beyond_the_study_in_a_unit_that_is_named_is_believed_and_told(tmp_path):
+    found = read_curves(MeasuredCurves(data=written(tmp_path, "P_a (kPa),SV (ml)", 7.5 * P, SV)), STUDY)
+    assert found.table.actuation_pressure.max() == 180.0
+    assert any("taken as the file says, although 24 kPa if in mmHg" in said for said in found.understood)
+
+
+def test_pressures_counted_negative_are_turned(tmp_path):
+    found = read_curves(MeasuredCurves(data=written(tmp_path, "P_a (kPa),SV (ml)", -P, SV)), STUDY)
+    assert found.table.actuation_pressure.max() == 24.0
+    assert any("negative: turned" in said for said in found.understood)
+
+
+@pytest.mark.parametrize("names", [("A", "B"), ("bag A", "bag B")])
+def test_a_letter_in_a_name_is_no_symbol_of_a_pressure_or_a_volume(tmp_path, names):
+    head = "P_a (kPa)," + ",".join(f"SV {name} (ml)" for name in names)
+    found = read_curves(MeasuredCurves(data=written(tmp_path, head, P, SV, SV / 2)), STUDY)
+    assert found.labels == list(names)
+    assert found.table.groupby("label").stroke_volume.max().tolist() == [60.0, 30.0]

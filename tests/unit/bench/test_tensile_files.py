@@ -211,3 +211,32 @@ def test_what_is_no_table_is_one_message(tensile, tmp_path, content):
     file.write_bytes(content)
     with pytest.raises(ConfigError, match=r"mine\.csv"):
         fit_tensile(tensile(file))
+
+
+@pytest.mark.parametrize(
+    ("names", "scales", "says", "settled"),
+    [
+        ("elongation,force", (1.0, 1000.0), "forces in mN 180", {}),
+        ("elongation,force", (0.001, 1.0), "m perhaps", {}),
+        ("strain (-),stress (MPa)", (1.0, 1 / 1.8), "in % they would be", {}),
+        ("strain (%),stress (kPa)", (1.0, 1 / 1.8), "forces in kN|stress", {"stress": "MPa"}),
+    ],
+    ids=["mN", "m", "per cent called a share", "MPa called kPa"],
+)
+def test_a_wrong_unit_is_one_message_that_names_the_likely_one(tensile, tmp_path, names, scales, says, settled):
+    """Of a line of 180 MPa over strains of 1 to 8 % on the coupon of 100 mm by 1.8 mm2."""
+    file, x = tmp_path / "mine.csv", np.linspace(1, 8, 20)
+    rows = zip(scales[0] * x, scales[1] * 180 * 1.8 * x / 100, strict=True)
+    file.write_text(f"{names}\n" + "".join(f"{a:.6f},{b:.6f}\n" for a, b in rows))
+    with pytest.raises(ConfigError, match=says) as caught:
+        fit_tensile(tensile(file))
+    keys = {"units": settled} if settled else yaml.safe_load(caught.value.example)
+    assert fit_tensile(tensile(file, **keys)).modulus == pytest.approx(180, rel=0.01)
+
+
+def test_large_strains_that_are_stated_are_told(tensile, tmp_path):
+    file, x = tmp_path / "mine.csv", np.linspace(0, 8, 400)
+    file.write_text("strain (-),stress (MPa)\n" + "".join(f"{a:.4f},{1.8 * a:.6f}\n" for a in x))
+    fit = fit_tensile(tensile(file))
+    assert fit.modulus == pytest.approx(1.8, rel=0.01)
+    assert any("if they are in %" in note for note in fit.notes)

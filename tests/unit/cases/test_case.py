@@ -3,15 +3,17 @@
 import json
 import shutil
 from dataclasses import replace
+from typing import get_args
 
 import pytest
 import yaml
 
+from limo.accuracy.kept_names import lacking
 from limo.cases.case import Case
 from limo.cases.grid import cross_checks, study_cases
 from limo.cases.plan import make_plan
 from limo.config.load import load_config
-from limo.schema.numerics import Mesh, MeshLevel
+from limo.schema.numerics import LATER, Mesh, MeshLevel, Newton
 from limo.schema.study import Axes, Variant
 from limo.store.digest import digest, number_label
 
@@ -27,6 +29,11 @@ def seams_with(case, **changes):
 
 def numerics_with(case, **changes):
     return {"numerics": case.numerics.model_copy(update=changes)}
+
+
+def newton_with(case, **changes):
+    """Other keys of the engine newton, which solves the case."""
+    return {"engine": "newton", **numerics_with(case, newton=case.numerics.newton.model_copy(update=changes))}
 
 
 # what each change is made of, and whether it asks for another mesh
@@ -53,6 +60,24 @@ PHYSICAL_CHANGES = {
     "length": (lambda c: device_with(c, "pattern", length=141.0), True),
     "seams": (lambda c: device_with(c, "pattern", seams=seams_with(c, spacing_exponent=1.0)), True),
 }
+
+
+@pytest.mark.parametrize("key", LATER)
+def test_a_key_that_came_later_names_a_case_where_it_is_not_the_default(make_case, key):
+    """Names without it are those of results from before it."""
+    case = make_case(**newton_with(make_case()))
+    usual = Newton.model_fields[key].default
+    (other,) = (value for value in get_args(Newton.model_fields[key].annotation) if value != usual)
+    names = [make_case(**newton_with(case, **{key: value})).case_id for value in (usual, other)]
+    assert names[0] == case.case_id != names[1]
+    assert key not in json.dumps(case.content())
+    seen_by_calculix = replace(make_case(**newton_with(case, **{key: other})), engine="calculix")
+    assert seen_by_calculix.case_id == make_case().case_id
+
+
+def test_kept_runs_have_the_names_of_their_cases_still(loaded, root):
+    for name in ("reference_np4", "reference_np8", "referee_np4", "referee_np8"):
+        assert not any(lacking(loaded, name, root / "docs/gallery/data")), name
 
 
 @pytest.mark.parametrize("name", PHYSICAL_CHANGES)

@@ -70,16 +70,18 @@ def test_the_case_that_goes_furthest_serves_all(studies, results):
 
 def test_what_is_measured_of_a_short_study_is_measured_of_the_case_that_serves_it(studies, results):
     short = {"actuation_pressure_max": 40, "outputs": ["volumes", "stress"], "frames": [0, "max"]}
-    plan = make_plan(studies(short=short, long={"frames": [0, "max"]}), results.path)
+    plan = make_plan(studies(short=short, long={"frames": [0, "max"], "outputs": ["volumes"]}), results.path)
     (case_id,) = plan.to_solve
     assert plan.cases[case_id].frames == (0.0, 40.0, 60.0)
     assert plan.wanted[case_id].pressures == {"stress": (0.0, 40.0)}
 
 
-def test_the_end_of_a_study_of_volumes_alone_is_no_frame_of_the_case_that_serves_it(studies, results):
-    plan = make_plan(studies(short={"actuation_pressure_max": 40, "frames": [0, 7, "max"]}, long={"frames": [0, "max"]}))
+@pytest.mark.parametrize("outputs", [["volumes"], ["volumes", "contact"]])
+def test_the_end_of_a_study_without_maps_is_no_frame_of_the_case_that_serves_it(studies, results, outputs):
+    short = {"actuation_pressure_max": 40, "frames": [0, 7, "max"], "outputs": outputs}
+    plan = make_plan(studies(short=short, long={"frames": [0, "max"], "outputs": ["volumes"]}))
     assert only(plan, "short").frames == (0.0, 7.0, 60.0)
-    assert plan.wanted == {}
+    assert [wanted.outputs for wanted in plan.wanted.values()] == [("contact",)] * (len(outputs) - 1)
 
 
 @pytest.mark.parametrize(

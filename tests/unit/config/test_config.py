@@ -122,6 +122,9 @@ MISTAKES = [
     (STUDY, ("numerics",), "fastest", "fast"),
     (STUDY, ("numerics", "ramp", "damping"), -1.0, "greater than or equal to 0"),
     (STUDY, ("numerics", "newton", "colour"), "red", "load_step"),
+    (STUDY, ("numerics", "newton", "factor_precision"), "half", "'single' or 'double'"),
+    (STUDY, ("numerics", "newton", "geometric_stiffness"), "none", "'consistent' or 'mixed'"),
+    (CONFIG, (*FAST, "newton", "factor_precision"), 32, "'single' or 'double'"),
     (STUDY, ("preset",), "exact", "preview, reference, standard"),
     (STUDY, ("mesh", "level"), "huge", "preview"),
     (STUDY, ("mesh", "symmetry"), "half", "quarter"),
@@ -134,6 +137,8 @@ MISTAKES = [
     (STUDY, ("variants", "half", "material", "thickness"), 0.0, "greater than 0"),
     (STUDY, ("material", "thickness"), 50.0, "less than or equal to 5"),
     (STUDY, ("material", "colour"), "red", "areal_density"),
+    (STUDY, ("material", "thickness"), 0.00019, "thickness in m would be 0.19"),
+    (STUDY, ("material", "areal_density"), 0.17, "areal_density in kg/m^2 would be 170"),
     (STUDY, ("variants", "half", "mesh", "level"), "huge", "preview"),
     (STUDY, ("variants", "a half"), {}, "pattern"),
     (STUDY, ("figures",), ["pie"], "pressure_volume"),
@@ -348,7 +353,7 @@ def test_frames_become_pressures_in_order(frames, pressures):
 
 @pytest.mark.parametrize(
     ("outputs", "needed"),
-    [(["volumes"], [0, 3.8, 13.8]), (["volumes", "stress"], [0, 3.8, 13.8, 55, 60])],
+    [(["volumes"], [0, 3.8, 13.8]), (["volumes", "contact"], [0, 3.8, 13.8]), (["volumes", "stress"], [0, 3.8, 13.8, 55, 60])],
 )
 def test_a_study_of_volumes_alone_needs_no_frame_at_its_end(outputs, needed):
     frames = [0, "P_v", "P_v + 10", "max - 5", "max", "P_v + 60"]

@@ -15,7 +15,7 @@ from limo.cases.case import describe
 from limo.cases.plan import make_plan
 from limo.datasets.shapes import gather_shapes, write_shapes
 from limo.datasets.study import gather_study
-from limo.figures import pictures, render, strain_life, style
+from limo.figures import deformation, pictures, render, strain_life, style
 from limo.figures.render import Camera, Scale, Scene
 from limo.measure.case import measure_case
 from limo.mechanics.build import build_model
@@ -295,3 +295,38 @@ def test_figures_have_modules_captions_and_needs(root):
         assert import_module(f"limo.figures.{figure}").draw
         assert (root / f"workflow/report/{figure}.rst").exists()
     assert {*NEEDS, *SHAPES} <= {*FIGURES}
+
+
+def up_to(shapes, highest: float, contact: int = 0) -> xr.Dataset:
+    """The same shapes of a study that stops at ``highest`` kPa, or does in all states touch."""
+    requested = shapes.frame_requested.where(shapes.frame_requested <= highest)
+    known = {"frame_requested": requested, "frame_pressure": shapes.frame_pressure.where(requested.notnull())}
+    return shapes.assign(known | {"frame_contact": xr.full_like(shapes.frame_contact, contact)})
+
+
+def written_on(figure) -> str:
+    return " ".join(" ".join(text.get_text() for text in figure.findobj(lambda a: hasattr(a, "get_text"))).split())
+
+
+@pytest.mark.parametrize(("highest", "columns"), [(60.0, 5), (43.8, 4), (30.0, 3), (13.8, 2), (5.0, 2)])
+def test_no_two_panels_of_a_device_show_the_same_pressure(shapes, highest, columns):
+    cut = up_to(shapes, highest)
+    assert len(deformation.columns_of([eight(cut)])) == columns
+
+
+def test_the_figure_says_why_it_has_fewer_panels_and_what_a_star_means(solved, shapes, tmp_path):
+    configuration, folder, _, _ = solved
+    dataset = gather_study(configuration, "s", folder)
+    plain = deformation.draw(dataset, None, up_to(shapes, 60.0))
+    assert "fewer" not in written_on(plain)
+    assert "*" not in written_on(plain)
+    low = deformation.draw(dataset, None, up_to(shapes, 13.8, contact=1))
+    assert len(low.axes) == 2 * 2 + 1, "two pictures for each case, and the colour bar"
+    assert "fewer pictures" in written_on(low)
+    for module in ("deformation", "von_mises", "cycles", "design", "strain_life"):
+        figure = import_module(f"limo.figures.{module}").draw(dataset, None, up_to(shapes, 60.0, contact=1))
+        assert "kPa*" in written_on(figure)
+        assert "would touch" in written_on(figure)
+        style.close(figure)
+    style.close(plain)
+    style.close(low)

@@ -15,7 +15,7 @@ from limo.datasets.curves import curves
 from limo.datasets.study import gather_study
 from limo.datasets.variables import COORDINATES, CURVE_DIMS, STATUSES, VARIABLES
 from limo.engines.calculix.deck import stage_times
-from limo.errors import ConfigError
+from limo.errors import ConfigError, ResultError
 from limo.figures import afterload, pressure_volume, style
 from limo.schema.bench import MeasuredCurves
 from limo.schema.study import Study, Variant
@@ -32,7 +32,7 @@ def grid(loaded):
     """A study of N_p = 4, 6, 8 at two ventricular pressures."""
     study = Study(
         description="a test", axes={"n_pouches": [4, 6, 8], "ventricular_pressure": [3.8, 13.8]},
-        actuation_pressure_max={3.8: 60, 13.8: 100}, pressure_step=2.5, figures=["pressure_volume"],
+        actuation_pressure_max={3.8: 60, 13.8: 100}, pressure_step=2.5, outputs=["volumes"], figures=["pressure_volume"],
     )  # fmt: skip
     return Project(loaded.config, loaded.devices, {"grid": study}, loaded.files)
 
@@ -315,6 +315,25 @@ def test_curves_and_the_table_say_where_front_and_back_would_touch(gathered, tmp
     assert "touches [kPa]" in rows[1]
     gathered.to_netcdf(tmp_path / "plain.nc")
     assert "touches" not in study_table(tmp_path / "plain.nc")
+
+
+def test_a_table_says_where_layers_of_empty_pouches_lie_in_each_other(gathered, tmp_path):
+    """V_a is negative there: nothing in the model keeps them apart."""
+    file, rest = tmp_path / "study.nc", {"actuation_pressure": 0.0}
+    volume = gathered.actuation_volume.copy(deep=True)
+    volume.loc[rest] = 0.0
+    gathered.assign(actuation_volume=volume).to_netcdf(file)
+    assert "V_a at rest" not in study_table(file)
+    volume.loc[rest | {"n_pouches": 4, "ventricular_pressure": 3.8}] = -7.2
+    gathered.assign(actuation_volume=volume).to_netcdf(file, mode="w")
+    cases = volume.isel(actuation_pressure=0).size
+    assert f"V_a at rest is -7.2 ml in 1 of {cases} cases" in study_table(file)
+
+
+def test_a_table_of_something_else_is_one_message(tmp_path):
+    xr.Dataset({"height": ("x", [1.0])}).to_netcdf(tmp_path / "airbag.nc")
+    with pytest.raises(ResultError, match=r"airbag\.nc: not a study's dataset \(no case_status\)"):
+        study_table(tmp_path / "airbag.nc")
 
 
 def test_measured_curves_keep_gaps_and_refuse_other_tables(tmp_path):

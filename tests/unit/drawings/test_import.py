@@ -341,7 +341,10 @@ REFUSED = {
     "rows along the axis": ([*BARE, row(60.0)], "2 pouches in rows along the axis"),
     "a grid": ([*simple(), row(60.0)], "rows along the axis or otherwise, with seams that meet"),
     "a cross": ([*BARE, AXIS, row(60.0)], "4 pouches in rows"),
-    "two arrays": ([*FRAME, weld(box(-40, 20, 40, 50)), weld(box(-40, 60, 40, 95))], "2 pouches that share no seam, 10 mm"),
+    "two arrays": (
+        [*FRAME, weld(box(-40, 20, 40, 50)), weld(box(-40, 60, 40, 95))],
+        "10 mm apart, in rows along the axis",
+    ),
     "pouches with a gap": ([*FRAME, weld(box(-40, 20, -2, 95)), weld(box(2, 20, 40, 95))], "share no seam, 4 mm"),
     "groups": ([*BARE, row(60.0), weld(box(-20, 105, 20, 110))], "3 pouches in 2 groups"),
     "a pouch in a pouch": ([*BARE, weld(box(-10, 50, 10, 70))], "inside|hole"),

@@ -18,21 +18,20 @@ from limo.errors import LimoError
 from limo.reports import gallery
 from limo.store.files import write_json, write_netcdf
 from limo.terminal.cli import main
+from tests.helpers.cases import without_studies
 from tests.helpers.curves import history_of
 
 
 @pytest.fixture
 def project(root, tmp_path, monkeypatch):
     """A configuration with one study, whose dataset is gathered though none of its cases is solved."""
-    shutil.copytree(root / "config", tmp_path / "config")
-    for study in (tmp_path / "config/studies").iterdir():
-        study.unlink()
+    studies = without_studies(root, tmp_path)
     study = {
         "description": "volumes of one device", "axes": {"n_pouches": [6], "ventricular_pressure": [3.8]},
-        "actuation_pressure_max": 60, "figures": ["pressure_volume"],
+        "actuation_pressure_max": 60, "outputs": ["volumes"], "figures": ["pressure_volume"],
     }  # fmt: skip
-    (tmp_path / "config/studies/one.yaml").write_text(yaml.safe_dump(study))
-    (tmp_path / "config/studies/pressure_volume.yaml").write_text(yaml.safe_dump(study | {"figures": []}))
+    (studies / "one.yaml").write_text(yaml.safe_dump(study))
+    (studies / "pressure_volume.yaml").write_text(yaml.safe_dump(study | {"figures": []}))
     folder = tmp_path / "results/studies/one"
     folder.mkdir(parents=True)
     loaded = load_config(tmp_path / "config/config.yaml")

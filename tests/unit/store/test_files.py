@@ -73,5 +73,18 @@ def test_datasets_are_plain_netcdf_and_come_back_as_they_were(tmp_path):
             assert "_FillValue" not in plain["y"].ncattrs()
             assert plain["value"].filters()["fletcher32"] == (file == "a.nc")
             assert plain["value"].filters()["zlib"] == (file == "b.nc")
+    xr.load_dataset(tmp_path / "a.nc").to_netcdf(tmp_path / "classic.nc", format="NETCDF3_CLASSIC")
     write_netcdf(xr.load_dataset(tmp_path / "a.nc").isel(y=[0, 0, 1]), tmp_path / "c.nc")
     assert xr.load_dataset(tmp_path / "c.nc").said.values[0].tolist() == ["", "", "a longer one"]
+
+
+def test_whole_numbers_are_of_types_that_classic_netcdf_has_unless_they_are_too_large(tmp_path):
+    numbers = {"long": [1, -(2**31)], "huge": [1, 2**31]}
+    numbers |= {"unsigned": np.array([1, 2], np.uint16), "short": np.array([1, 2], np.int16)}
+    dataset = xr.Dataset({name: ("x", values) for name, values in numbers.items()}, coords={"x": [4, 6], "branch": 3})
+    write_netcdf(dataset, tmp_path / "a.nc")
+    with netCDF4.Dataset(tmp_path / "a.nc") as plain:
+        found = {name: str(variable.dtype) for name, variable in plain.variables.items()}
+    small = {"long": "int32", "unsigned": "int32", "short": "int16", "x": "int32", "branch": "int32"}
+    assert found == small | {"huge": "int64"}
+    xr.testing.assert_equal(xr.load_dataset(tmp_path / "a.nc"), dataset)

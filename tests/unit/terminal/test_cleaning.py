@@ -16,6 +16,7 @@ from limo.store.files import write_json
 from limo.store.progress import solving
 from limo.terminal.cleaning import delete, describe_rubbish, find_rubbish, readable, size_of
 from limo.terminal.cli import main
+from tests.helpers.cases import without_studies
 
 CONFIG = "config/config.yaml"
 UNUSED = "limo_np4_pv99_ar2_eh1_preview_fast_0123456789"
@@ -24,11 +25,9 @@ UNUSED = "limo_np4_pv99_ar2_eh1_preview_fast_0123456789"
 @pytest.fixture
 def results(root, tmp_path, monkeypatch):
     """A used case and an unused one, each with a mesh and leftovers, in a copy of the configuration for the engine newton."""
-    shutil.copytree(root / "config", tmp_path / "config")
+    studies = without_studies(root, tmp_path)
     shutil.rmtree(tmp_path / "config/levers")
-    for study in (tmp_path / "config/studies").iterdir():
-        study.unlink()
-    (tmp_path / "config/studies/pressure_volume.yaml").write_text(
+    (studies / "pressure_volume.yaml").write_text(
         "engine: newton\naxes: {n_pouches: [4], ventricular_pressure: [3.8]}\nactuation_pressure_max: 60\n"
     )
     monkeypatch.chdir(tmp_path)

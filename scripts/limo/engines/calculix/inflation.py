@@ -12,9 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from limo.engines.calculix.build import solver_build
 from limo.engines.calculix.deck import constraints, fabric, geometry, number, pressure_label, step
-from limo.engines.calculix.run import JOB, results, run
+from limo.engines.calculix.run import JOB, load_path, results, run
 from limo.engines.load_path import LoadPath, count_stages
 from limo.mechanics.model import KPA, Model
 from limo.schema.accuracy import AirbagNumerics
@@ -31,24 +30,16 @@ def inflate(model: Model, levels: Sequence[float], folder: Path, solver: Solver,
     with contextlib.ExitStack() as stack:
         ended = run(folder, command, solver, end_time(model.numerics))
         outcome, frd, usable = stack.enter_context(results(folder, ended))
-        return LoadPath(
-            status=outcome.status,
-            reason=outcome.reason,
-            ended_in=STAGES[0],
-            interrupted=outcome.interrupted,
+        return load_path(
+            outcome,
+            frd,
+            usable,
+            model,
+            command,
             stage=np.zeros(len(usable), int),
             pressure=np.zeros(len(usable)),
-            clock=np.array([f.time for f in usable], float),
-            displacements=lambda k: frd.displacements(usable[k], len(model.nodes)),
-            precision="float32",
-            is_static=False,
-            in_process=False,
+            ended_in=STAGES[0],
             iterations=count_stages() | {STAGES[0]: outcome.iterations},
-            rejected=len(outcome.increments) - len(outcome.accepted),
-            build=solver_build(command),
-            cpu_seconds=outcome.cpu_seconds,
-            wall_seconds=outcome.wall_seconds,
-            memory=outcome.memory,
             close=stack.pop_all().close,
         )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
 from pathlib import Path
 
@@ -24,19 +25,26 @@ def place(run: Path, numerics: Numerics, actuation_pressure_max: float) -> Place
     Increments come from .sta and iterations from .cvg; before these there is the deck. ``numerics`` are those of the case,
     which a recovery ladder may have changed.
     """
-    files = [file for file in (run / f"{JOB}.{end}" for end in ("inp", "sta", "cvg")) if file.exists()]
-    if not files:
+    if not (written := [time for end in ("inp", "sta", "cvg") if (time := _written(run / f"{JOB}.{end}"))]):
         return None
     increments = read_sta(run / f"{JOB}.sta")
     accepted = [i for i in increments if i.accepted]
-    iterations = len(_ITERATION.findall((run / f"{JOB}.cvg").read_bytes())) if run / f"{JOB}.cvg" in files else 0
+    iterations = 0
+    with contextlib.suppress(FileNotFoundError):
+        iterations = len(_ITERATION.findall((run / f"{JOB}.cvg").read_bytes()))
     times = stage_times(_of_attempt(run, numerics), actuation_pressure_max)
     clock = accepted[-1].total_time if accepted else 0.0
     shares = tuple(min(max((clock - t.start) / t.duration, 0.0), 1.0) for t in times)
     stage = next((t.name for t in times if clock < t.end * (1 - 1e-5)), STAGES[-1])  # .sta has six digits
     pressure = float(actuation_pressure_at(times, actuation_pressure_max, clock))
-    written = max(file.stat().st_mtime for file in files)
-    return Place(stage, pressure, shares, len(accepted), len(increments) - len(accepted), iterations, written)
+    return Place(stage, pressure, shares, len(accepted), len(increments) - len(accepted), iterations, max(written))
+
+
+def _written(file: Path) -> float:
+    """When a file was written last, s since 1970; 0 without it. CalculiX may remove it at any moment to write it anew."""
+    with contextlib.suppress(FileNotFoundError):
+        return file.stat().st_mtime
+    return 0.0
 
 
 def _of_attempt(run: Path, numerics: Numerics) -> Numerics:

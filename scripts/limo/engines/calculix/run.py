@@ -78,28 +78,38 @@ def solve(model: Model, folder: Path, solver: Solver, command: Path) -> LoadPath
     """Run a model in ``folder``; the path reads displacements from the solver's results until it is closed."""
     times = write_deck(model, folder / f"{JOB}.inp")
     with contextlib.ExitStack() as stack:
-        outcome, frd, usable = stack.enter_context(results(folder, run(folder, command, solver, times[-1].end)))
-        clock = np.array([f.time for f in usable], float)
-        return LoadPath(
-            status=outcome.status,
-            reason=outcome.reason,
-            ended_in=_stage_at_the_end(outcome, times),
-            interrupted=outcome.interrupted,
+        left = stack.enter_context(results(folder, run(folder, command, solver, times[-1].end)))
+        clock = np.array([f.time for f in left[2]], float)
+        return load_path(
+            *left,
+            model,
+            command,
             stage=np.searchsorted([t.end * (1 + 1e-9) for t in times[:-1]], clock),
             pressure=actuation_pressure_at(times, model.loading.actuation_pressure_max, clock),
-            clock=clock,
-            displacements=lambda k: frd.displacements(usable[k], len(model.nodes)),
-            precision="float32",
-            is_static=False,
-            in_process=False,
-            iterations=_iterations_by_stage(outcome, times),
-            rejected=len(outcome.increments) - len(outcome.accepted),
-            build=solver_build(command),
-            cpu_seconds=outcome.cpu_seconds,
-            wall_seconds=outcome.wall_seconds,
-            memory=outcome.memory,
+            ended_in=_stage_at_the_end(left[0], times),
+            iterations=_iterations_by_stage(left[0], times),
             close=stack.pop_all().close,
         )
+
+
+def load_path(outcome: Run, frd: FrdFile | None, usable: list[Frame], model: Model, command: Path, **others) -> LoadPath:
+    """The path of what a run left, as ``results`` gives it; ``others``: what depends on the model's stages, and ``close``."""
+    return LoadPath(
+        status=outcome.status,
+        reason=outcome.reason,
+        interrupted=outcome.interrupted,
+        clock=np.array([f.time for f in usable], float),
+        displacements=lambda k: frd.displacements(usable[k], len(model.nodes)),
+        precision="float32",
+        is_static=False,
+        in_process=False,
+        rejected=len(outcome.increments) - len(outcome.accepted),
+        build=solver_build(command),
+        cpu_seconds=outcome.cpu_seconds,
+        wall_seconds=outcome.wall_seconds,
+        memory=outcome.memory,
+        **others,
+    )
 
 
 @contextlib.contextmanager
@@ -207,7 +217,7 @@ def _watch(process: subprocess.Popen, folder: Path, solver: Solver, started: flo
             process.returncode = os.waitstatus_to_exitcode(wait_status)
             return stopped, process.returncode, usage
         now = time.monotonic()
-        written = sum(p.stat().st_size for p in (folder / f"{JOB}.cvg", folder / f"{JOB}.sta", folder / "ccx.log") if p.exists())
+        written = sum(_bytes(folder / name) for name in (f"{JOB}.cvg", f"{JOB}.sta", "ccx.log"))
         if written != progress:
             progress, seen_at = written, now
         if not stopped and now - started > 60 * solver.time_limit:
@@ -219,6 +229,13 @@ def _watch(process: subprocess.Popen, folder: Path, solver: Solver, started: flo
         if stopped:
             _signal(process, signal.SIGKILL)
         time.sleep(_POLL)
+
+
+def _bytes(file: Path) -> int:
+    """How large a file is, which CalculiX may remove at any moment to write it anew."""
+    with contextlib.suppress(FileNotFoundError):
+        return file.stat().st_size
+    return 0
 
 
 def _crawls(sta: Path, end_time: float) -> str:

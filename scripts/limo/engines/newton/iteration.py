@@ -13,6 +13,10 @@ moves sigma: strong for small steps downhill, through a snap; negligible for New
   way a state is accepted, so that none is unstable. Where it has to rise again, it begins near where it ended last time;
 - a factor is used again as long as the residual falls tenfold without a new one, and a step that made it larger taken back.
 
+``factor_precision: single`` factorises in single precision (``refined``) on means and half differences of bottom and top nodes
+(``unknowns``); the unknowns of the iteration, its norms and its limits stay what they are. ``geometric_stiffness: mixed`` has
+the tangent take another stress than that of the state (``mixed``), with a factor for each step.
+
 No damping is left in the answer: a snap of the device is a jump at its load. Steps of some millimetres matter: with steps of
 1 mm the wrinkles of the fit stay where they first appear, and nearly equal runs end with different ones (docs/performance.md).
 """
@@ -23,13 +27,19 @@ import logging
 import resource
 import time
 from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Any
 
 import numpy as np
 
 from limo.engines.load_path import LoadPath, count_stages
 from limo.engines.newton.assembly import Assembly
 from limo.engines.newton.build import mkl_version
+from limo.engines.newton.mixed import MixedStress
 from limo.engines.newton.pardiso import FactorisationError, SymmetricSolver, set_threads
+from limo.engines.newton.refined import RefinedSolver
+from limo.engines.newton.tangent import Tangent
+from limo.engines.newton.unknowns import displacements, means
 from limo.mechanics.model import Model
 from limo.schema.numerics import Newton
 from limo.schema.section import STAGES
@@ -95,24 +105,13 @@ def solve(model: Model, solver: Solver, start: np.ndarray | None = None, after: 
     equilibrium; it is part of the path that is returned, its costs are not. Never raises for a model that does not converge:
     what was accepted is in the path, with status and reason.
     """
-    settings, ventricular = model.numerics.newton, model.loading.ventricular_pressure
     began, used = time.monotonic(), _cpu_seconds()
     set_threads(solver.threads)
-    run = _Run(model, settings, began + 60 * solver.time_limit)
+    run = _Run(model, model.numerics.newton, began + 60 * solver.time_limit)
     prepared = _cpu_seconds() - used
     status, reason, interrupted = "converged", "", False
-    resumed = after is not None and bool((after.stage >= HOLD).any())
     try:
-        if resumed:
-            run.carry_on(after)
-        elif start is None:
-            for share in np.arange(1, settings.fit_steps + 1) / settings.fit_steps:
-                run.advance(FIT, share, share * ventricular, 0.0)
-        else:
-            run.start_from(start)
-        if not resumed:
-            run.advance(HOLD, 1.0, ventricular, 0.0)
-        run.ramp()
+        run.travel(start, after)
     except _StopError as stop:
         status, reason = stop.status, stop.reason
     except FactorisationError as error:
@@ -121,9 +120,8 @@ def solve(model: Model, solver: Solver, start: np.ndarray | None = None, after: 
     except MemoryError:
         status, reason, interrupted = "crashed", "not enough memory", True
     finally:
-        memory = run.solver.memory
+        details = run.details() | {"setup_seconds": round(prepared, 2)}
         run.close()
-    state = run.state
     return LoadPath(
         status=status,
         reason=reason,
@@ -134,23 +132,15 @@ def solve(model: Model, solver: Solver, start: np.ndarray | None = None, after: 
         precision="float64",
         is_static=True,
         in_process=True,
-        iterations=state.iterations,
-        rejected=state.rejected,
+        iterations=run.state.iterations,
+        rejected=run.state.rejected,
         build={"engine": "newton", "version": f"mkl {mkl_version()}"},
         cpu_seconds=_cpu_seconds() - used,
         wall_seconds=time.monotonic() - began,
         memory=resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
         ended_in=run.stage,
         interrupted=interrupted,
-        details={
-            "equations": run.assembly.size,
-            "factorisations": state.factorisations,
-            "solutions": state.solutions,
-            "setup_seconds": round(prepared, 2),
-            "factor_seconds": round(run.solver.seconds, 2),
-            "factor_memory_mib": round(memory),
-            "largest_residual": max(run.residuals, default=None),
-        },
+        details=details,
     )
 
 
@@ -160,7 +150,13 @@ class _Run:
     def __init__(self, model: Model, settings: Newton, deadline: float):
         self.model, self.settings, self.deadline = model, settings, deadline
         self.assembly = Assembly(model)
-        self.solver = SymmetricSolver(self.assembly.indptr, self.assembly.indices, definite=True, groups=self.assembly.nodes)
+        single = settings.factor_precision == "single"
+        self.unknowns = means(self.assembly) if single else displacements(self.assembly)
+        self.tangent = Tangent(self.assembly, self.unknowns)
+        pattern, groups = (self.tangent.indptr, self.tangent.indices), self.unknowns.groups
+        solver = RefinedSolver if single else partial(SymmetricSolver, definite=True)
+        self.solver = solver(*pattern, groups=groups)
+        self.mixed = MixedStress(self.assembly) if settings.geometric_stiffness == "mixed" else None
         self.largest, self.rejected = settings.largest_step * model.length, settings.rejected_step * model.length
         self.state = _State(np.zeros(self.assembly.size), shift=settings.first_shift)
         self.stages: list[int] = []
@@ -174,6 +170,33 @@ class _Run:
 
     def close(self) -> None:
         self.solver.close()
+
+    def details(self) -> dict[str, Any]:
+        """What is told of the iteration beside its path: counts, CPU seconds, MiB."""
+        state = self.state
+        return {
+            "equations": self.assembly.size,
+            "factorisations": state.factorisations,
+            "solutions": state.solutions,
+            "refinements": self.solver.refinements,
+            "factor_seconds": round(self.solver.seconds, 2),
+            "factor_memory_mib": round(self.solver.memory),
+            "largest_residual": max(self.residuals, default=None),
+        }
+
+    def travel(self, start: np.ndarray | None, after: LoadPath | None) -> None:
+        """Fit, rest and ramp, as ``solve`` says. Raises ``_StopError`` where the path ends before, and ``FactorisationError``."""
+        settings, ventricular = self.settings, self.model.loading.ventricular_pressure
+        if after is not None and (after.stage >= HOLD).any():
+            self.carry_on(after)
+        else:
+            if start is not None:
+                self.start_from(start)
+            else:
+                for share in np.arange(1, settings.fit_steps + 1) / settings.fit_steps:
+                    self.advance(FIT, share, share * ventricular, 0.0)
+            self.advance(HOLD, 1.0, ventricular, 0.0)
+        self.ramp()
 
     def start_from(self, displacements: np.ndarray) -> None:
         self.state.prescribed = 1.0
@@ -204,6 +227,8 @@ class _Run:
         state, assembly, settings = self.state, self.assembly, self.settings
         before, correction = state.free, np.inf
         moved = (share - state.prescribed) * assembly.prescribed if share != state.prescribed else None
+        if self.mixed is not None:
+            self.mixed.forget()
         for _ in range(settings.iterations):
             if time.monotonic() > self.deadline:
                 raise _StopError("timed_out", f"stopped at P_a = {actuation:g} kPa of the {name} after the time limit")
@@ -214,25 +239,13 @@ class _Run:
                 if assembly.smallest_volume(u) <= 0:
                     raise _StopError("diverged", f"elements turned inside out at P_a = {actuation:g} kPa of the {name}")
                 break
-            values = assembly.tangent(u, ventricular, actuation, state.shift)
             if moved is not None:
                 # the edges move with this step: what they drag along is part of its right side
                 residual = residual - assembly.reduce(assembly.drag(u, moved))
-            refused = state.rejected
-            state.free, largest = self._step(values, residual, share)
-            state.iterations[name] += 1
-            report(
-                stage=name,
-                fitted=float(share),
-                actuation_pressure=max(self.pressures, default=0.0),
-                increments=len(self.stages),
-                rejected=state.rejected,
-                iterations=sum(state.iterations.values()),
-            )
-            correction = largest
-            if moved is not None:
-                state.prescribed, moved = share, None
-            elif largest <= self.largest:
+            refused, edges = state.rejected, moved is not None
+            correction = largest = self._iterate(residual, share, ventricular, actuation)
+            moved = None
+            if not edges and largest <= self.largest and self.mixed is None:
                 correction = self._reuse(size, load, correction, before, ventricular, actuation)
             powers = 1 if state.rejected > refused else AT_ONCE if largest <= SHORT_STEP * self.largest else QUICKLY
             state.shift = max(settings.smallest_shift, state.shift * settings.shift_decay**powers)
@@ -242,14 +255,39 @@ class _Run:
                 f"no equilibrium at P_a = {actuation:g} kPa of the {name} in {settings.iterations} iterations: residual "
                 f"{size / load:.2g} of the load, correction {correction:.2g} mm",
             )
+        self._accept(stage, actuation, float(size / load))
+
+    def _iterate(self, residual: np.ndarray, share: float, ventricular: float, actuation: float) -> float:
+        """One step of the state for a residual (size,), to a share of the prescribed displacements; its size (mm) before cuts."""
+        state, mixed, u, free = self.state, self.mixed, self.displacements(), self.state.free
+        stress = None if mixed is None else mixed.stress
+        values = self.tangent.assemble(u, ventricular, actuation, state.shift, stress)
+        if mixed is not None:
+            mixed.leave(u)
+        state.free, largest = self._step(values, residual, share)
+        state.prescribed = share
+        if mixed is not None:
+            mixed.arrive(self.displacements(), min(1.0, np.abs(state.free - free).max() / max(largest, TINY)))
+        state.iterations[self.stage] += 1
+        report(
+            stage=self.stage,
+            fitted=float(share),
+            actuation_pressure=max(self.pressures, default=0.0),
+            increments=len(self.stages),
+            rejected=state.rejected,
+            iterations=sum(state.iterations.values()),
+        )
+        return largest
+
+    def _accept(self, stage: int, actuation: float, residual: float) -> None:
+        """Keep the state, which is at rest up to a residual over the load."""
         self._floor = SMALLEST_VOLUME
         self.stages.append(stage)
         self.pressures.append(actuation)
         self.kept.append(self.displacements())
-        self.residuals.append(float(size / load))
-        log.info(
-            "%s, P_a = %.4g kPa: %d iterations so far, shift %.1e", name, actuation, sum(state.iterations.values()), state.shift
-        )
+        self.residuals.append(residual)
+        iterations = sum(self.state.iterations.values())
+        log.info("%s, P_a = %.4g kPa: %d iterations so far, shift %.1e", self.stage, actuation, iterations, self.state.shift)
 
     def ramp(self) -> None:
         """Raise P_a in multiples of ``load_step`` to its maximum, several of them at once where that is easy and P_a is high.
@@ -316,9 +354,8 @@ class _Run:
         while True:
             negative = self.solver.factorise(values)
             state.factorisations += 1
-            if not negative:
-                step = self.solver.solve(residual)
-                state.solutions += 1
+            step = None if negative else self._solution(residual)
+            if step is not None:
                 largest = np.abs(step).max()
                 if largest <= self.rejected:
                     for cut in CUTS if share == state.prescribed else (1.0,):
@@ -339,7 +376,13 @@ class _Run:
                 raise _StopError(
                     "diverged", f"no downhill step with a shift up to {LARGEST_SHIFT:.0e} 1/s2 leaves all elements whole"
                 )
-            values += (state.shift - tried) * self.assembly.mass
+            values += (state.shift - tried) * self.tangent.mass
+
+    def _solution(self, residual: np.ndarray) -> np.ndarray | None:
+        """The free displacements (size,) that the last factors give for a residual; None where the matrix is not positive."""
+        solution = self.solver.solve(self.unknowns.reduce(residual))
+        self.state.solutions += 1
+        return None if solution is None else self.unknowns.expand(solution)
 
     def _reuse(
         self, size: float, load: float, correction: float, before: np.ndarray, ventricular: float, actuation: float
@@ -358,8 +401,9 @@ class _Run:
                 return correction
             if now > REUSED_WHILE * size or self._at_rest(now, load, correction, before):
                 return correction
-            step, came_from = self.solver.solve(residual), (state.free, correction)
-            state.solutions += 1
+            if (step := self._solution(residual)) is None:
+                return correction
+            came_from = state.free, correction
             correction, size = np.abs(step).max(), now
             if correction > self.largest:
                 return correction

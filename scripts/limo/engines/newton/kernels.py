@@ -1,8 +1,9 @@
 """Loops over bricks and their integration points, compiled on first use and kept beside this file.
 
-A St. Venant-Kirchhoff layer's displacement gradients, internal forces and consistent tangent, as in ``assembly`` beside it, whose
-equations and units hold. m elements, g integration points, n nodes. ``gradient`` (m, 3 g, 20) is dN_n / dX_K with rows (g, K).
-``volume`` (m, g) is what a point stands for; ``lame`` (m, 2) are lambda and mu. Products of 20 x 3 g matrices are BLAS's.
+A St. Venant-Kirchhoff layer's displacement gradients, internal forces and consistent tangent, as in ``assembly`` and
+``tangent``, whose equations and units hold; and what a solver does with a tangent. m elements, g integration points, n nodes.
+``gradient`` (m, 3 g, 20) is dN_n / dX_K with rows (g, K). ``volume`` (m, g) is what a point stands for; ``lame`` (m, 2) are
+lambda and mu. Products of 20 x 3 g matrices are BLAS's.
 """
 
 from __future__ import annotations
@@ -130,3 +131,58 @@ def tangent(slopes, stress, gradient, volume, lame, sources, places, special, we
         target = places[e]
         for q in range(len(sources)):
             values[target[q]] += entries[sources[q]]
+
+
+@_compiled("f8(f8[::1], i4[::1], i4[::1], f8[::1], f4[::1])")
+def scale_upper(values, indptr, indices, scale, found):
+    """d_i K_ij d_j in single precision, of the upper triangle in rows with its ``values``; ``scale`` (n,) is d.
+
+    Returns the largest magnitude beside the diagonal, which is the first entry of a row.
+    """
+    largest = 0.0
+    for i in range(len(indptr) - 1):
+        found[indptr[i]] = values[indptr[i]] * scale[i] * scale[i]
+        for k in range(indptr[i] + 1, indptr[i + 1]):
+            entry = values[k] * scale[i] * scale[indices[k]]
+            found[k] = entry
+            largest = max(largest, abs(entry))
+    return largest
+
+
+@_compiled("void(f8[::1], i4[::1], i4[::1], f8[::1], f8[::1])")
+def symmetric_product(values, indptr, indices, vector, found):
+    """K x (n,) of a symmetric matrix by its upper triangle in rows, the diagonal first in each."""
+    found[:] = 0.0
+    for i in range(len(indptr) - 1):
+        own = vector[i]
+        total = values[indptr[i]] * own
+        for k in range(indptr[i] + 1, indptr[i + 1]):
+            total += values[k] * vector[indices[k]]
+            found[indices[k]] += values[k] * own
+        found[i] += total
+
+
+@_compiled("void(f8[:,:,::1], f8[:,:,::1], f8[:,:,::1], f8[:,::1], f8[:,::1], f8[:,:,::1])")
+def predicted_stress(stress, slopes, before, volume, lame, predicted):
+    """J w (S - C : d d^T / 2), (m, g, 6): the stress at displacement gradients as a linear strain predicts it from ``before``.
+
+    ``stress`` is J w S at ``slopes`` (m, 3 g, 3), rows K, columns i. A step added d = ``slopes`` - ``before``. The strain grows
+    by the symmetric part of F^T d, which is linear in d, and by d d^T / 2, which is left out.
+    """
+    d = np.empty((3, 3))
+    for e in range(len(stress)):
+        for g in range(stress.shape[1]):
+            for k in range(3):
+                for i in range(3):
+                    d[k, i] = slopes[e, 3 * g + k, i] - before[e, 3 * g + k, i]
+            xx = 0.5 * (d[0, 0] * d[0, 0] + d[0, 1] * d[0, 1] + d[0, 2] * d[0, 2])
+            yy = 0.5 * (d[1, 0] * d[1, 0] + d[1, 1] * d[1, 1] + d[1, 2] * d[1, 2])
+            zz = 0.5 * (d[2, 0] * d[2, 0] + d[2, 1] * d[2, 1] + d[2, 2] * d[2, 2])
+            xy = d[0, 0] * d[1, 0] + d[0, 1] * d[1, 1] + d[0, 2] * d[1, 2]
+            xz = d[0, 0] * d[2, 0] + d[0, 1] * d[2, 1] + d[0, 2] * d[2, 2]
+            yz = d[1, 0] * d[2, 0] + d[1, 1] * d[2, 1] + d[1, 2] * d[2, 2]
+            mu = lame[e, 1] * volume[e, g]
+            trace = lame[e, 0] * volume[e, g] * (xx + yy + zz)
+            s, p = stress[e, g], predicted[e, g]
+            p[0], p[1], p[2] = s[0] - trace - 2 * mu * xx, s[1] - trace - 2 * mu * yy, s[2] - trace - 2 * mu * zz
+            p[3], p[4], p[5] = s[3] - mu * xy, s[4] - mu * xz, s[5] - mu * yz

@@ -22,7 +22,7 @@ _POSITIVE_DEFINITE, _SYMMETRIC_INDEFINITE = 2, -2
 _ANALYSE, _FACTORISE, _SOLVE, _RELEASE = 11, 22, 33, -1
 # iparm, counted from zero
 _CUSTOM, _ORDERING, _OWN_ORDER, _REFINEMENT, _PIVOT_PERTURBATION, _SCALING, _MATCHING = 0, 1, 4, 7, 9, 10, 12
-_PEAK, _PERMANENT, _FACTOR_MEMORY, _PIVOTING, _NEGATIVE, _ZERO_BASED = 14, 15, 16, 20, 22, 34
+_PEAK, _PERMANENT, _FACTOR_MEMORY, _PIVOTING, _NEGATIVE, _SINGLE, _ZERO_BASED = 14, 15, 16, 20, 22, 27, 34
 _NESTED_DISSECTION = 2
 _ZERO_PIVOT, _NO_MEMORY = -4, -2
 _ERRORS = {
@@ -64,21 +64,34 @@ class SymmetricSolver:
 
     ``indptr`` (n + 1,), ``indices``: rows of the upper triangle, diagonal included, columns rising, counted from zero.
     ``definite``: only positive definite matrices are wanted, and the first negative pivot ends a factorisation; it takes a
-    quarter less time. ``groups`` (n,): unknowns that share their neighbours, such as the displacements of a node; with them the
-    order of elimination is found on the graph of groups, where nested dissection finds better separators. Raises
-    ``FactorisationError``.
+    quarter less time. One whose diagonal is not positive is not begun. ``single``: values, factors and solutions in single
+    precision, for half of the memory. ``groups`` (n,): unknowns that share their neighbours, such as the displacements of a
+    node; with them the order of elimination is found on the graph of groups, where nested dissection finds better separators.
+    Raises ``FactorisationError``.
     """
 
-    def __init__(self, indptr: np.ndarray, indices: np.ndarray, *, definite: bool = False, groups: np.ndarray | None = None):
+    def __init__(
+        self,
+        indptr: np.ndarray,
+        indices: np.ndarray,
+        *,
+        definite: bool = False,
+        single: bool = False,
+        groups: np.ndarray | None = None,
+    ):
         self._kind = _POSITIVE_DEFINITE if definite else _SYMMETRIC_INDEFINITE
         self._indptr = np.ascontiguousarray(indptr, np.int32)
         self._indices = np.ascontiguousarray(indices, np.int32)
         self._size = len(indptr) - 1
         self._handle = np.zeros(64, np.int64)
         self._parameters = np.zeros(64, np.int32)
-        self._values = np.zeros(len(indices))
+        self._type = np.float32 if single else np.float64
+        self._values = np.zeros(len(indices), self._type)
+        self._sides = aligned(2 * self._size, self._type).reshape(2, -1)
         #: CPU time (s) of factorisations and solutions
         self.seconds = 0.0
+        #: iterations that refined solutions
+        self.refinements = 0
         for place, value in {
             _CUSTOM: 1,
             _ORDERING: _NESTED_DISSECTION,
@@ -87,6 +100,7 @@ class SymmetricSolver:
             _SCALING: 0,
             _MATCHING: 0,
             _PIVOTING: 1,
+            _SINGLE: int(single),
             _ZERO_BASED: 1,
         }.items():
             self._parameters[place] = value
@@ -102,19 +116,30 @@ class SymmetricSolver:
         With ``definite`` 1 stands for one or more; there is nothing to solve with then. PARDISO itself says nothing of values
         that are no numbers and returns a solution; here they are an error.
         """
-        self._values = np.ascontiguousarray(values, float)
-        if not np.isfinite(self._values).all():
+        if not np.isfinite(values).all():
             raise FactorisationError("the matrix holds values that are no numbers")
+        if self._kind == _POSITIVE_DEFINITE and values[self._indptr[:-1]].min() <= 0:
+            return 1
+        self._values = np.ascontiguousarray(values, self._type)
+        began = time.process_time()
         code = self._call(_FACTORISE, allowed=(_ZERO_PIVOT,) if self._kind == _POSITIVE_DEFINITE else ())
+        self.seconds += time.process_time() - began
         if self._kind == _POSITIVE_DEFINITE:
             return int(code == _ZERO_PIVOT)
         return int(self._parameters[_NEGATIVE])
 
     def solve(self, right_side: np.ndarray) -> np.ndarray:
         """Solution (n,) with the last factors."""
-        solution = np.empty(self._size)
-        self._call(_SOLVE, np.ascontiguousarray(right_side, float), solution)
+        began = time.process_time()
+        solution = self.substitute(right_side)
+        self.seconds += time.process_time() - began
         return solution
+
+    def substitute(self, right_side: np.ndarray) -> np.ndarray:
+        """As ``solve``, for those who watch the clock themselves: to ask for it costs as much as a small solution."""
+        self._sides[0] = right_side
+        self._call(_SOLVE, self._sides[0], self._sides[1])
+        return self._sides[1].copy()
 
     @property
     def memory(self) -> float:
@@ -135,7 +160,7 @@ class SymmetricSolver:
         solution: np.ndarray | None = None,
         allowed: tuple[int, ...] = (),
     ) -> int:
-        empty = np.zeros(1)
+        empty = np.zeros(1, self._type)
         error = ctypes.c_int(0)
 
         def integer(value: int):
@@ -144,7 +169,6 @@ class SymmetricSolver:
         def pointer(array: np.ndarray | None):
             return (empty if array is None else array).ctypes.data_as(ctypes.c_void_p)
 
-        started = time.process_time()
         _library().pardiso(
             pointer(self._handle),
             integer(1),
@@ -163,11 +187,17 @@ class SymmetricSolver:
             pointer(solution),
             ctypes.byref(error),
         )
-        if phase in (_FACTORISE, _SOLVE):
-            self.seconds += time.process_time() - started
         if error.value and error.value not in allowed:
             raise FactorisationError(f"PARDISO: {_ERRORS.get(error.value, 'error')} ({error.value}, phase {phase})", error.value)
         return error.value
+
+
+def aligned(count: int, kind: type) -> np.ndarray:
+    """Zeros (count,) that begin at a multiple of 64 bytes: sums over others may be rounded in another order."""
+    size = np.dtype(kind).itemsize
+    whole = np.zeros(count + 64 // size, kind)
+    begin = -whole.ctypes.data % 64 // size
+    return whole[begin : begin + count]
 
 
 def elimination_order(indptr: np.ndarray, indices: np.ndarray, groups: np.ndarray) -> np.ndarray:

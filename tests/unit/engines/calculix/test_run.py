@@ -325,3 +325,9 @@ def test_build_is_the_same_wherever_the_executable_lies(solver_script):
     assert builds[0] == builds[1]
     assert builds[0].startswith("2.99p1-")
     assert build_id(solver_script("echo This is Version 2.99p1; true", "other")) != builds[0]
+
+
+def test_a_file_that_is_gone_has_no_bytes(tmp_path):
+    """CalculiX removes files while it is looked at, to write them anew."""
+    (tmp_path / "deck.cvg").write_text("four")
+    assert (calculix._bytes(tmp_path / "deck.cvg"), calculix._bytes(tmp_path / "deck.sta")) == (4, 0)

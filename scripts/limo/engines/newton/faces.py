@@ -1,0 +1,75 @@
+"""Loaded faces of a layer of bricks: follower pressure, and what it adds to the tangent. Units: mm, N, MPa; pressures in kPa."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from limo.engines.newton.entries import entries_of
+from limo.engines.newton.kernels import PAIRS
+from limo.engines.newton.unknowns import Unknowns
+from limo.mechanics.model import KPA, Model, scatter
+from limo.mesh.elements import HEX20_BOTTOM, HEX20_TOP, gauss, quad8_shape
+
+
+class Faces:
+    """The loaded faces of a model, with as many integration points a direction as its bricks.
+
+    ``nodes`` (f, 8); ``entries_count``: how many numbers ``tangent`` gives.
+    """
+
+    def __init__(self, model: Model):
+        shell, count = model.expansion, len(model.nodes)
+        self._count = count
+        nodes, weights = [np.empty((0, 8), int)], [np.empty((0, 2))]
+        for load in model.pressures:
+            face, sign = (HEX20_BOTTOM, 1.0) if load.side == "bottom" else (HEX20_TOP, -1.0)
+            nodes.append(shell.bricks[load.quads][:, face])
+            weights.append(np.tile([sign * KPA * load.ventricular, sign * KPA * load.actuation], (len(load.quads), 1)))
+        self.nodes = np.vstack(nodes)
+        self._weights = np.vstack(weights)
+        local, rule = gauss(model.element.gauss_points, 2)
+        values, slopes = quad8_shape(local)
+        self._values = np.ascontiguousarray((values * rule[:, None]).T)  # (8, g)
+        self._slopes = np.vstack([slopes[:, :, 0], slopes[:, :, 1]])  # (2 g, 8)
+        self._rest = shell.nodes
+        # (N_n dN_m - N_m dN_n) / 2 of each pair of nodes n < m at the points, weighted: what multiplies x_,1, and x_,2
+        first, second = self._pair = np.triu_indices(8, 1)
+        turned = [values[:, first] * d[:, second] - values[:, second] * d[:, first] for d in (slopes[:, :, 1], slopes[:, :, 0])]
+        self._turned = 0.5 * np.hstack([(rule[:, None] * turned[0]).T, -(rule[:, None] * turned[1]).T])  # (28, 2 g)
+        self.entries_count = 3 * len(first) * len(self.nodes)
+
+    def entries(self, unknowns: Unknowns) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """As ``entries_of``, into what ``tangent`` gives: a pair's blocks are skew, and so is the pair.
+
+        A node counts in the one or two slots that its displacement is made of.
+        """
+        slots, shares = unknowns.slots_of(self.nodes)
+        rows, columns, factors, sources = entries_of(slots, unknowns, PAIRS[3:], shares)
+        face, n, part, m = np.unravel_index(sources, (len(self.nodes), slots.shape[1], 3, slots.shape[1]))
+        n, m = n % 8, m % 8
+        pair = np.zeros((8, 8), int)
+        pair[self._pair] = np.arange(len(self._pair[0]))
+        source = (face * len(self._pair[0]) + pair[np.minimum(n, m), np.maximum(n, m)]) * 3 + part
+        apart = n != m
+        return rows[apart], columns[apart], (factors * np.sign(m - n))[apart], source[apart]
+
+    def _tangents(self, u: np.ndarray) -> np.ndarray:
+        """x_,1 at all points, then x_,2: (f, 2 g, 3)."""
+        return self._slopes @ (self._rest + u[: len(self._rest)])[self.nodes]
+
+    def forces(self, u: np.ndarray, ventricular: float, actuation: float) -> np.ndarray:
+        """f_p (n, 3) in N: int N p (x_,1 x x_,2) dxi, pushing into the face, at displacements (n, 3) in mm."""
+        shape = len(self.nodes), 2, len(self._slopes) // 2, 3
+        (x, y, z), (r, s, t) = np.moveaxis(self._tangents(u).reshape(shape), (1, 3), (0, 1))
+        normal = np.stack([y * t - z * s, z * r - x * t, x * s - y * r], axis=-1)
+        normal *= (self._weights @ (ventricular, actuation))[:, None, None]
+        return scatter(self._values @ normal, self.nodes, self._count)
+
+    def tangent(self, u: np.ndarray, ventricular: float, actuation: float) -> np.ndarray:
+        """The symmetric part of -df_p/du, flat (f, 28, 3): pairs of nodes n < m and directions (0, 1), (0, 2), (1, 2).
+
+        -df_p,ni / du_mj = -p eps_ijk A^k_nm with A^k_nm = int N_n (dN_m/dxi_1 x_,2 - dN_m/dxi_2 x_,1)_k dxi.
+        """
+        skew = (self._turned @ self._tangents(u)) * (self._weights @ (ventricular, actuation))[:, None, None]
+        # eps_012 = 1, eps_021 = -1, eps_120 = 1
+        return (skew[..., ::-1] * (1.0, -1.0, 1.0)).ravel()
