@@ -118,6 +118,18 @@ localrules:
     check_paper,
 
 
+# A job of a cluster is a Snakemake already: what is local to it runs there, all else in one more Snakemake for each rule.
+if not workflow.is_main_process:
+
+    localrules:
+        solve_case,
+        measure_case,
+        write_fields,
+        gather_study,
+        gather_shapes,
+        draw_figure,
+
+
 onstart:
     begin()
 

@@ -214,7 +214,7 @@ def make_local(project, folder):
 
 
 def test_twenty_cases_with_a_stand_in_for_the_solve(cluster, quick, tmp_path):
-    rows = {row["what"]: row["value"] for row in measure_sweep(tmp_path / "many", 20, ROOT, quick)}
+    rows = {row["what"]: row["value"] for row in measure_sweep(tmp_path / "many", 20, ROOT, quick, 4)}
     assert rows.keys() < WORDS.keys()
     found = [read_json(file) for file in (tmp_path / "many/results/cases").glob("*/status.json")]
     assert len(found) == 20

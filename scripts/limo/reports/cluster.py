@@ -21,6 +21,7 @@ import pandas as pd
 import yaml
 
 from limo.cases.plan import Plan, make_plan
+from limo.cluster import slurm
 from limo.cluster.profile import read_profile
 from limo.config.builds import open_project
 from limo.errors import LimoError
@@ -35,7 +36,8 @@ STUDY = "many"
 #: what is measured, in words
 WORDS = {
     "sweep": "a sweep of cases that take one second, wall time of each",
-    "job_cpu": "a job beside its solve: CPU time",
+    "in_flight": "most jobs that waited or ran at once",
+    "job_cpu": "a job beside the second of its solve, measures included: CPU time",
     "main_cpu": "Snakemake on the login node, CPU time of each case",
     "job_memory": "a job beside its script: memory",
     "dry_run_local": "dry run on one machine",
@@ -50,7 +52,7 @@ WORDS = {
 BOUNDS = {
     "job_cpu": 5.0, "job_memory": 300.0, "dry_run_ratio": 1.5, "status": 2.0, "gather_time": 120.0, "gather_memory": 2048.0,
 }  # fmt: skip
-_EVERY = 0.2  # s between two looks at processes
+_EVERY, _ASK = 0.2, 2.0  # s between two looks at processes, and between two questions to Slurm
 _TICK = os.sysconf("SC_CLK_TCK")
 
 
@@ -99,20 +101,22 @@ def pretend(folder: Path, plan: Plan, solved: Path) -> None:
 
 
 def measure(name: str, few: int, many: int, runs: int = 3, profile: Path | None = None) -> pd.DataFrame:
-    """A sweep of ``few`` cases on the cluster of a profile, the rest of the measurements with ``many``.
+    """A sweep of ``few`` cases on the cluster of a profile, the rest of the measurements with ``many``; 0 leaves a part out.
 
     Processes are looked at on this machine: its nodes must be this machine.
     """
-    root = Path(__file__).parents[3]
+    root, found = Path(__file__).parents[3], read_profile(name)
     rows = []
     with tempfile.TemporaryDirectory(prefix="limo_cluster_") as temporary:
-        rows += measure_sweep(Path(temporary) / "few", few, root, profile or read_profile(name).folder)
-        rows += measure_many(Path(temporary) / "many", many, root, read_profile(name).folder, runs)
+        if few:
+            rows += measure_sweep(Path(temporary) / "few", few, root, profile or found.folder, found.jobs)
+        if many:
+            rows += measure_many(Path(temporary) / "many", many, root, found.folder, runs)
     return pd.DataFrame(rows, columns=[*COLUMNS])
 
 
-def measure_sweep(folder: Path, cases: int, root: Path, profile: Path) -> list[dict[str, Any]]:
-    """Run a sweep of so many cases through the cluster and look at its processes."""
+def measure_sweep(folder: Path, cases: int, root: Path, profile: Path, jobs: int) -> list[dict[str, Any]]:
+    """Run a sweep of so many cases through the cluster, ``jobs`` at once at most, and look at its processes."""
     plan, solved = _prepared(folder, cases, root)
     environment = stand_in.install(folder / "stand_in", solved, 1.0)
     start = time.monotonic()
@@ -125,6 +129,7 @@ def measure_sweep(folder: Path, cases: int, root: Path, profile: Path) -> list[d
         raise LimoError(f"{folder}: {len(lacking)} of {cases} cases have no result")
     return [
         row("sweep", cases, wall / cases, "s"),
+        row("in_flight", cases, seen.most, "", bound=jobs),
         row("job_cpu", cases, statistics.mean(job.cpu for job in solving), "s"),
         row("main_cpu", cases, seen.main / cases, "s"),
         row("job_memory", cases, max(job.memory for job in solving), "MiB"),
@@ -172,9 +177,9 @@ def gather(study: str) -> str:
     return f"{time.monotonic() - start:.2f} {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.1f}"
 
 
-def row(what: str, cases: int, value: float, unit: str, runs: int = 1) -> dict[str, Any]:
+def row(what: str, cases: int, value: float, unit: str, runs: int = 1, bound: float | None = None) -> dict[str, Any]:
     """A line of the table; the bound is in the same unit, NaN where there is none."""
-    bound = BOUNDS.get(what, float("nan"))
+    bound = BOUNDS.get(what, float("nan")) if bound is None else float(bound)
     shown = round(value, 2)
     return {"what": what, "cases": cases, "value": shown, "unit": unit, "bound": bound, "runs": runs, "machine": processor()}
 
@@ -198,20 +203,15 @@ class Job:
     """What the processes of one Slurm job took: CPU time in s, and MiB at once of all but its script; whether it solved."""
 
     def __init__(self) -> None:
-        self._cpu: dict[int, float] = {}
-        self.memory, self.solved = 0.0, False
-
-    @property
-    def cpu(self) -> float:
-        """CPU time (s) of all its processes."""
-        return sum(self._cpu.values())
+        self.cpu, self.memory, self.solved = 0.0, 0.0, False
 
     def saw(self, processes: Sequence[tuple[int, int, float, float, str]]) -> None:
         """Take account of its processes at one moment: number, that of the parent, s, MiB, command.
 
-        A process that has not yet become another program shares the memory of its parent.
+        The time of a process has that of its children that have ended. A process that has not yet become another program shares
+        the memory of its parent.
         """
-        self._cpu.update({pid: cpu for pid, _, cpu, _, _ in processes})
+        self.cpu = max(self.cpu, sum(cpu for _, _, cpu, _, _ in processes))
         commands = {pid: command for pid, *_, command in processes}
         own = [p for p in processes if commands.get(p[1]) != p[4] and "scripts/tmp" not in p[4]]
         self.memory = max(self.memory, sum(memory for *_, memory, _ in own))
@@ -219,24 +219,29 @@ class Job:
 
 
 class Seen:
-    """The jobs of a folder by their numbers, and CPU time (s) of the process that submits them."""
+    """The jobs of a folder by their numbers, most at once, and CPU time (s) of the process that submits them."""
 
     def __init__(self) -> None:
         self.jobs: dict[str, Job] = defaultdict(Job)
-        self.main = 0.0
+        self.main, self.most = 0.0, 0
 
 
 @contextmanager
 def watched(folder: Path) -> Iterator[Seen]:
     """Look at the processes that work in a folder on this machine as long as the block lasts.
 
-    What a process takes after the last look at it is missed: a tenth of a second in the mean.
+    What a job takes after the last look at it is missed: a tenth of a second in the mean.
     """
     seen, over = Seen(), threading.Event()
 
     def look() -> None:
+        asked = 0.0
         while not over.wait(_EVERY):
             _look(os.path.realpath(folder), seen)
+            if time.monotonic() > asked + _ASK:
+                asked = time.monotonic()
+                with suppress(LimoError):  # Slurm may be busy
+                    seen.most = max(seen.most, len(slurm.jobs_of(folder)))
 
     watcher = threading.Thread(target=look, daemon=True)
     watcher.start()
@@ -256,13 +261,13 @@ def _look(folder: str, seen: Seen) -> None:
                 continue
             variables = dict(v.partition(b"=")[::2] for v in (process / "environ").read_bytes().split(b"\0"))
             numbers = (process / "stat").read_text().rpartition(")")[2].split()
-            cpu = (int(numbers[11]) + int(numbers[12])) / _TICK
+            cpu = sum(map(int, numbers[11:15])) / _TICK
             command = (process / "cmdline").read_bytes().replace(b"\0", b" ").decode(errors="replace")
             if job := variables.get(b"SLURM_JOB_ID", b"").decode():
                 memory = int(numbers[21]) * os.sysconf("SC_PAGE_SIZE") / 2**20
                 now[job].append((int(entry), int(numbers[1]), cpu, memory, command))
             elif "-m snakemake" in command:
-                seen.main = max(seen.main, cpu + (int(numbers[13]) + int(numbers[14])) / _TICK)
+                seen.main = max(seen.main, cpu)
     for job, processes in now.items():
         seen.jobs[job].saw(processes)
 
@@ -298,9 +303,13 @@ def _times(task: Callable[[], Any]) -> tuple[float, float]:
 # kept rows
 
 
-def keep(rows: pd.DataFrame, file: Path) -> None:
-    """Write rows as CSV."""
-    write_whole(file, lambda path: rows.to_csv(path, index=False))
+def keep(rows: pd.DataFrame, file: Path) -> pd.DataFrame:
+    """Write rows as CSV, in the place of those of the same in the file; returns all. Raises ``ResultError``."""
+    before = read_cluster(file)
+    every = pd.concat([rows, before[~before.what.isin(rows.what)]]) if len(before) else rows
+    every = every.sort_values("what", key=lambda column: column.map({what: k for k, what in enumerate(WORDS)}), kind="stable")
+    write_whole(file, lambda path: every.to_csv(path, index=False))
+    return every
 
 
 def read_cluster(file: Path) -> pd.DataFrame:

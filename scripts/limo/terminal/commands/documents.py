@@ -56,7 +56,7 @@ def add_performance(commands: arguments.Commands) -> None:
         "cluster", help="measure what a sweep on a cluster takes beside its solves; its node is this machine"
     )
     swept.add_argument("--on", default="slurm", metavar="CLUSTER", help="a folder in profiles (default: %(default)s)")
-    swept.add_argument("--swept", type=int, default=100, metavar="N", help="cases of the sweep (default: %(default)s)")
+    swept.add_argument("--swept", type=int, default=1000, metavar="N", help="cases of the sweep, 0: none (default: %(default)s)")
     swept.add_argument("--planned", type=int, default=1000, metavar="N", help="cases of the rest (default: %(default)s)")
     printed = doing.add_parser("report", help="print the report")
     for part in (swept, printed):
@@ -89,8 +89,7 @@ def _performance(chosen: argparse.Namespace) -> None:
         print(entry_table(rows))
     elif chosen.doing == "cluster":
         rows = cluster.measure(chosen.on, chosen.swept, chosen.planned)
-        cluster.keep(rows, chosen.cluster)
-        print(cluster.cluster_table(rows))
+        print(cluster.cluster_table(cluster.keep(rows, chosen.cluster)))
     else:
         measured = read_overhead(chosen.overhead), read_entry(chosen.entry), cluster.read_cluster(chosen.cluster)
         print(report(read_measurements(chosen.table), *measured), end="")
