@@ -8,9 +8,6 @@ import xarray as xr
 
 from limo.figures import overlay, style
 
-#: cases whose curves can be told apart; of more, so many are drawn, evenly chosen
-MOST_CASES = 40
-
 
 def curve_label(case: xr.Dataset, varying: list[str]) -> str:
     """Name of one case's curve by the axes that vary in its study."""
@@ -42,7 +39,7 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
     )
     pressure = dataset.actuation_pressure.values
     spread = every.stack(case=dims) if dims else every.expand_dims("case")
-    for k in _chosen(cases.sizes["case"], axes[1]):
+    for k in range(cases.sizes["case"]):
         case = cases.isel(case=k)
         color = style.COLORS[k % len(style.COLORS)]
         for axis, name, _ in panels:
@@ -73,11 +70,3 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
 def _colors(cases: xr.Dataset) -> dict[int, str]:
     """The colour of each number of pouches."""
     return {int(cases.isel(case=k).n_pouches): style.COLORS[k % len(style.COLORS)] for k in range(cases.sizes["case"])}
-
-
-def _chosen(count: int, axis) -> list[int]:
-    """Places of the cases that are drawn, all or evenly spread; an axis says how many are left out."""
-    chosen = np.unique(np.linspace(0, count - 1, min(count, MOST_CASES)).round().astype(int)).tolist()
-    if len(chosen) < count:
-        axis.set_title(f"{len(chosen)} of {count} cases are shown", fontsize=8)
-    return chosen
