@@ -39,7 +39,7 @@ MAXIMUM = 6.0  # kPa
 @pytest.fixture(scope="module")
 def made(case, tmp_path_factory):
     """A case of newton, its mesh, and the file of it."""
-    one = with_(case, engine="newton", actuation_pressure_max=MAXIMUM, frames=(0.0, 3.0, MAXIMUM))
+    one = with_(case, n_pouches=4, engine="newton", actuation_pressure_max=MAXIMUM, frames=(0.0, 3.0, MAXIMUM))
     mesh = small_mesh(one, 3000, "quarter")
     file = tmp_path_factory.mktemp("mesh") / "mesh.vtu"
     write_mesh(mesh, file)
@@ -128,7 +128,7 @@ def test_the_best_attempt_is_kept_where_none_succeeds(made, tmp_path):
 )
 def test_a_result_on_another_mesh_is_degraded_says_so_and_is_measured_there(case, tmp_path, monkeypatch, rung):
     """The first attempt fails by what no numerics change: it is put down to the mesh."""
-    one = with_(case, engine="newton", actuation_pressure_max=MAXIMUM, frames=(0.0, MAXIMUM))
+    one = with_(case, n_pouches=4, engine="newton", actuation_pressure_max=MAXIMUM, frames=(0.0, MAXIMUM))
     one = replace(one, mesh_level=MeshLevel(degrees_of_freedom=3000))
     solved, own = newton.solve, mesh_device(one.mesh_content())
     write_mesh(own, tmp_path / "own.vtu")

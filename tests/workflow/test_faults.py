@@ -12,7 +12,6 @@ import random
 import shlex
 import signal
 import subprocess
-import sys
 import time
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -23,6 +22,7 @@ from limo.engines.calculix import build as ccx_build
 from limo.schema.solver import Solver
 from limo.store.files import read_json
 from tests.helpers.shared import made_once
+from tests.helpers.snakemake import Started, start_snakemake
 
 from .conftest import ROOT, copied, make_project, run
 
@@ -62,19 +62,16 @@ def record(request):
     return keep
 
 
-def start(project) -> subprocess.Popen:
+def start(project, *, fresh: bool = False) -> Started:
     """A sweep in a process group of its own."""
-    command = [sys.executable, "-m", "snakemake", "--snakefile", ROOT / "Snakefile", "--cores", "1"]
-    log = (project.folder / "snakemake.log").open("w")
-    return subprocess.Popen(
-        [*map(str, command), "--config", f"file={project.config_file}"],
-        cwd=project.folder, stdout=log, stderr=subprocess.STDOUT, start_new_session=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # shells have their background jobs ignore it
-    )  # fmt: skip
+    words = ("--snakefile", ROOT / "Snakefile", "--cores", "1", "--config", f"file={project.config_file}")
+    return start_snakemake(*words, folder=project.folder, log=project.folder / "snakemake.log", fresh=fresh)
 
 
 def said(project) -> str:
-    return (project.folder / "snakemake.log").read_text(errors="replace")
+    """What Snakemake said so far; a forked one may not have begun to."""
+    log = project.folder / "snakemake.log"
+    return log.read_text(errors="replace") if log.exists() else ""
 
 
 def inside(project) -> dict[int, str]:
@@ -143,7 +140,7 @@ def finishes(project, before: dict[str, str] | None = None) -> None:
 
 
 @contextmanager
-def ended(process: subprocess.Popen):
+def ended(process: Started):
     """Whatever happens, no process of a sweep outlives the test."""
     try:
         yield process
@@ -184,7 +181,7 @@ def test_kill_9_of_a_sweep(tiny, record, engine, victim, seed):
     if ROUNDS == 1 and (engine == "newton") == (victim == "snakemake"):
         pytest.skip("each once; LIMO_ROUNDS takes all")
     project = tiny(engine)
-    with ended(start(project)) as sweep:
+    with ended(start(project, fresh=True)) as sweep:  # its scripts look for the process of this name
         wait_for(lambda: iterating(project), said(project))
         random_moment(seed)
         (os.kill if victim == "snakemake" else os.killpg)(sweep.pid, signal.SIGKILL)

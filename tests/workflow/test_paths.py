@@ -27,10 +27,10 @@ FOLDERS = ("scripts", "workflow", "profiles")
 
 
 def copy_project(folder: Path) -> Path:
-    """What set-up and the workflow need of this project, without its environment."""
+    """What set-up and the workflow need of this project, without its environment; with what is compiled, which takes long."""
     folder.mkdir(parents=True, exist_ok=True)
     for part in FOLDERS:
-        shutil.copytree(ROOT / part, folder / part, ignore=shutil.ignore_patterns("__pycache__", "*.egg-info"))
+        shutil.copytree(ROOT / part, folder / part, ignore=shutil.ignore_patterns("*.egg-info"))
     for part in FILES:
         shutil.copy2(ROOT / part, folder / part)
     return folder

@@ -49,7 +49,7 @@ def wait_for(capsys, ready) -> dict:
         _, data = look(capsys)
         if found := [case for case in data["cases"] if ready(case)]:
             return found[0]
-        time.sleep(0.1)
+        time.sleep(0.3)  # a look takes as long as planning does
     raise AssertionError(f"not within {PATIENCE} s: {data}")
 
 

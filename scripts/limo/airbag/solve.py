@@ -14,7 +14,8 @@ from limo.airbag.model import Run, build_model, degrees_of_freedom
 from limo.engines.engine import EngineSettings
 from limo.engines.find import find_engine
 from limo.mechanics.constitutive import cauchy, second_piola_kirchhoff
-from limo.mechanics.kinematics import lame, strain_energy
+from limo.mechanics.energy import part_energy_and_extremes
+from limo.mechanics.kinematics import lame
 from limo.mechanics.model import Model
 from limo.mechanics.volumes import flux
 from limo.schema.accuracy import Airbag
@@ -135,16 +136,9 @@ def potential_energy(model: Model, displacements: np.ndarray) -> float:
     """
     if model.element.is_shell:
         return np.nan
-    layer = model.expansion
-    energy = strain_energy(
-        layer.nodes,
-        layer.bricks,
-        displacements[: len(layer.nodes)],
-        model.youngs_modulus,
-        model.fabric.poisson_ratio,
-        model.element.gauss_points,
-    )
-    volume = flux((model.nodes + displacements)[layer.bottom], model.mesh.quads).sum()
+    energy = part_energy_and_extremes(model, displacements)[0]
+    surface = np.mean([(model.nodes + displacements)[nodes] for nodes in model.loaded("bottom")], axis=0)
+    volume = flux(surface, model.mesh.quads).sum()
     return float(1e-3 * energy - 1e-6 * model.loading.ventricular_pressure * volume)  # mJ, kPa mm^3
 
 

@@ -95,7 +95,7 @@ def check_stress_test(path: Path, config: Config) -> None:
     check_name(path, "stress_test.mesh.level", test.mesh.level, config.mesh_levels)
     if test.numerics:
         check_name(path, "stress_test.numerics", test.numerics, config.numerics_presets)
-    if usable := _other_elements(test.engines, test.mesh.element):
+    if usable := _other_elements(test.engines, test.mesh.element, test.mesh.symmetry):
         raise ConfigError(path, "stress_test.mesh.element", test.mesh.element, " or ".join(usable), f"element: {usable[0]}")
 
 
@@ -154,6 +154,7 @@ def checked_setting(known: Known, path: Path, study: Study, name: str, variant: 
     check_name(path, f"{prefix}mesh.level", setting.mesh.level, known.config.mesh_levels)
     if find_element(setting.mesh.element).is_shell:
         check_shells(path, study, prefix, setting)
+    check_engines(path, study, prefix, setting)
     return setting
 
 
@@ -190,17 +191,29 @@ def check_shells(path: Path, study: Study, prefix: str, setting: Setting) -> Non
         expected = f"volumes only with element {element}, which keeps no displacements through the thickness"
         example = "outputs: [volumes]"
         raise ConfigError(path, "outputs", study.outputs, expected, example)
-    if usable := _other_elements(ENGINES if study.cross_check else [setting.engine], element):
+
+
+def check_engines(path: Path, study: Study, prefix: str, setting: Setting) -> None:
+    """The engines that solve a setting take its element, and its element the levers of its numerics."""
+    element = setting.mesh.element
+    engines = ENGINES if study.cross_check else [setting.engine]
+    if usable := _other_elements(engines, element, setting.mesh.symmetry):
         key, value = ("cross_check", study.cross_check) if study.cross_check else (f"{prefix}engine", setting.engine)
-        expected = f"element {' or '.join(usable)}, which the engines that are used take"
+        expected = f"element {' or '.join(usable)}, which the engines that are used take, and not {element}"
         raise ConfigError(path, key, value, expected, f"mesh: {{element: {usable[0]}}}")
+    levers = setting.numerics.newton
+    if find_element(element).plane_stress and levers.geometric_stiffness != "consistent":
+        key, expected = f"{prefix}numerics.newton.geometric_stiffness", f"consistent with element {element}"
+        raise ConfigError(path, key, levers.geometric_stiffness, expected, "geometric_stiffness: consistent")
 
 
-def _other_elements(engines: Collection[str], element: str) -> list[str]:
-    """The elements of device meshes that all engines take, where one does not take ``element``; none where all do."""
+def _other_elements(engines: Collection[str], element: str, symmetry: str) -> list[str]:
+    """The elements of meshes that all engines take, where one does not take ``element``; none where all do."""
     if all(find_engine(engine).takes(find_element(element)) for engine in engines):
         return []
-    return [name for name in get_args(ElementName) if all(find_engine(e).takes(find_element(name)) for e in engines)]
+    known = [find_element(name) for name in get_args(ElementName)]
+    fit = [e for e in known if symmetry == "full" or not e.is_shell]
+    return [e.name for e in fit if all(find_engine(engine).takes(e) for engine in engines)]
 
 
 def check_engine(path: Path, key: str, engine: str, element: str) -> None:

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.interpolate import Akima1DInterpolator
 from shapely import LineString, Point, Polygon
 
 from limo.errors import ConfigError
@@ -77,6 +76,8 @@ def smooth(points: np.ndarray) -> np.ndarray:
 
     Modified Akima interpolation over the chord length: passes through every point and does not overshoot on flat runs.
     """
+    from scipy.interpolate import Akima1DInterpolator  # takes 0.3 s, and most processes only read meshes
+
     points = np.asarray(points, float)
     chord = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
     count = max(int(np.ceil(chord[-1] / SAMPLING)), 2)

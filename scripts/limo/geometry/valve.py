@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import ellipe, ellipeinc
 
 from limo.schema.device import Pattern
 
@@ -23,11 +22,15 @@ class ValveEllipse:
     @classmethod
     def from_perimeter(cls, quarter_perimeter: float, aspect_ratio: float) -> ValveEllipse:
         """Semi-axes with the given quarter perimeter: a E(m) with m = 1 - 1 / AR^2 (AR >= 1)."""
+        from scipy.special import ellipe  # takes 0.1 s
+
         semi_x = quarter_perimeter / ellipe(1.0 - aspect_ratio**-2)
         return cls(semi_x, semi_x / aspect_ratio)
 
     def arc(self, phi: np.ndarray | float) -> np.ndarray:
         """Arc length (mm) from x = 0 to the parameter phi: a E(phi, 1 - (b / a)^2)."""
+        from scipy.special import ellipeinc
+
         return self.semi_x * ellipeinc(phi, 1.0 - (self.semi_z / self.semi_x) ** 2)
 
     def place(self, arc_length: np.ndarray) -> np.ndarray:
@@ -52,6 +55,8 @@ class ValveEllipse:
 
 def quarter_perimeter(pattern: Pattern) -> float:
     """A quarter of the valve's perimeter in mm, the same for every aspect ratio (the edge is inextensible)."""
+    from scipy.special import ellipe
+
     valve = pattern.valve
     if valve.flat_half_width_over_length is not None:
         return valve.flat_half_width_over_length * pattern.length

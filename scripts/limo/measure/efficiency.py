@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.integrate import cumulative_trapezoid
 
 #: actuation volume change, over its largest, below which a ratio of two near-zero volumes says nothing
 SMALLEST_CHANGE = 2.0e-3
@@ -22,6 +21,8 @@ def works(
     actuation_pressure: np.ndarray, ventricular_pressure: float, stroke_volume: np.ndarray, actuation_volume_change: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """W_out = P_v Delta V_v and W_in = int P_a dV_a (n,) in mJ; pressures in kPa, volumes in ml (kPa ml = mJ)."""
+    from scipy.integrate import cumulative_trapezoid  # takes 0.5 s
+
     work_in = cumulative_trapezoid(actuation_pressure, actuation_volume_change, initial=0.0)
     return ventricular_pressure * np.asarray(stroke_volume), work_in
 

@@ -11,7 +11,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from matplotlib.tri import LinearTriInterpolator, Triangulation
 
 from limo.mechanics.layer import flat_areas, nodal
 from limo.mesh.elements import QUAD8_TRIANGLES
@@ -140,6 +139,8 @@ def streamlines(
     to ``longest`` mm. They keep every fourth point and end at the border. The strain, not its direction, is interpolated (linear
     on triangles), so that the meaningless sign of v_1 never matters.
     """
+    from matplotlib.tri import LinearTriInterpolator, Triangulation  # takes 0.4 s, and only figures have such lines
+
     elements = on_side(mesh, side)
     elements = elements[mesh.face[elements] == face]
     values, node, quads = nodal_part(mesh, strain[elements, _SURFACE[side]], elements)

@@ -15,6 +15,17 @@ def second_piola_kirchhoff(strain: np.ndarray, lame_lambda: np.ndarray | float, 
     return (lam * trace)[..., None, None] * np.eye(3) + 2.0 * mu[..., None, None] * strain
 
 
+def plane_stress(youngs_modulus: np.ndarray, poisson_ratio: float) -> np.ndarray:
+    """Q_11, Q_12, Q_16, Q_22, Q_26, Q_66 and G_44, G_45, G_55 (m, 9) of fabric without stress across it, in the unit of E (m,).
+
+    S_ab = Q_abcd E_cd follows from S = lambda tr(E) I + 2 mu E with E_33 such that S_33 = 0: Q_11 = E / (1 - nu^2).
+    """
+    modulus = np.asarray(youngs_modulus, float)
+    stiff, none = modulus / (1 - poisson_ratio**2), np.zeros_like(modulus)
+    shear = modulus / (2 * (1 + poisson_ratio))
+    return np.stack([stiff, poisson_ratio * stiff, none, stiff, none, shear, shear, none, shear], axis=-1)
+
+
 def cauchy(deformation: np.ndarray, second_piola: np.ndarray) -> np.ndarray:
     """sigma = F S F^T / det F, shapes (..., 3, 3), in the unit of S: the paper's pull-back S = J F^-1 sigma F^-T inverted."""
     pushed = deformation @ second_piola @ np.swapaxes(deformation, -1, -2)

@@ -6,26 +6,27 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from limo.mechanics.kinematics import energy_and_extremes
+from limo.mechanics import shell
+from limo.mechanics.kinematics import deformation_gradient, energy_and_extremes, green_lagrange
 from limo.mechanics.model import Model
 from limo.mechanics.volumes import flux
+from limo.mesh.elements import gauss
 
 
 def conjugate_volumes(model: Model, displacements: np.ndarray) -> tuple[float, float]:
     """Volumes (mm^3, full device) whose changes times P_v and P_a are the work of the model's pressures.
 
-    They are swept by the loaded faces of the bricks, while ``volumes.volumes`` reports those of the middle surface; the
-    two differ by half a thickness times a change of area. Exact for P_a, whose faces close; for P_v up to what half a
-    thickness sweeps where the outer edge turns (0.3 % on a real ramp). Both up to the 2 x 2 points that C3D20R integrates
-    pressures with. ``displacements`` (n, 3) in mm.
+    They are swept by the loaded faces of the bricks, while ``volumes.volumes`` reports those of the middle surface, on which
+    shells are loaded. The two differ by half a thickness times a change of area. Exact for P_a, whose faces close; for P_v up
+    to what half a thickness sweeps where the outer edge turns (0.3 % on a real ramp). Both up to the 2 x 2 points that C3D20R
+    integrates pressures with. ``displacements`` (n, 3) in mm.
     """
     x = model.nodes + displacements
-    shell = model.expansion
     swept = np.zeros(2)
     for load in model.pressures:
-        side = shell.bottom if load.side == "bottom" else shell.top
         sign = 1.0 if load.side == "bottom" else -1.0
-        volume = sign * flux(x[side], model.mesh.quads[load.quads]).sum()
+        surface = np.mean([x[nodes] for nodes in model.loaded(load.side)], axis=0)
+        volume = sign * flux(surface, model.mesh.quads[load.quads]).sum()
         swept += volume * np.array([load.ventricular, load.actuation])
     return tuple(float(v) for v in model.mesh.copies * swept)
 
@@ -33,16 +34,22 @@ def conjugate_volumes(model: Model, displacements: np.ndarray) -> tuple[float, f
 def energy_and_extremes_of(model: Model, displacements: np.ndarray) -> tuple[float, float, float]:
     """Strain energy of the full device in mJ (N mm), with the quadrature of the model's element; smallest det F and stretch
     across the layer."""
-    expansion = model.expansion
-    energy, *extremes = energy_and_extremes(
-        expansion.nodes,
-        expansion.bricks,
-        displacements[: len(expansion.nodes)],
-        model.youngs_modulus,
-        model.fabric.poisson_ratio,
-        model.element.gauss_points,
-    )
+    energy, *extremes = part_energy_and_extremes(model, displacements)
     return model.mesh.copies * energy, *extremes
+
+
+def part_energy_and_extremes(model: Model, displacements: np.ndarray) -> tuple[float, float, float]:
+    """The same of the part that is modelled."""
+    layer = model.expansion
+    if not model.element.plane_stress:
+        moved, points = displacements[: len(layer.nodes)], model.element.gauss_points
+        return energy_and_extremes(layer.nodes, layer.bricks, moved, model.youngs_modulus, model.fabric.poisson_ratio, points)
+    local, weights = gauss(model.element.gauss_points, 3)
+    deformation, jacobian = deformation_gradient(layer.nodes, layer.bricks, displacements, local)
+    density = shell.energy_density(green_lagrange(deformation), shell.stiffness(model))
+    layered = shell.thinned(deformation, model.fabric.poisson_ratio)
+    energy = float(np.einsum("mg,mg,g->", density, jacobian, weights))
+    return energy, float(np.linalg.det(layered).min()), float(np.linalg.norm(layered[..., 2], axis=-1).min())
 
 
 def stored_energy(model: Model, displacements: np.ndarray) -> float:

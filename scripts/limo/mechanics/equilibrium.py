@@ -17,9 +17,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from limo.mechanics import shell
+from limo.mechanics.kinematics import deformation_gradient, green_lagrange
 from limo.mechanics.layer import LayerState, layer_state
 from limo.mechanics.model import KPA, Model, reduction, scatter
-from limo.mesh.elements import HEX20_BOTTOM, HEX20_TOP, gauss, hex20_shape, quad8_shape
+from limo.mesh.elements import gauss, hex20_shape, quad8_shape
 
 
 def internal_forces(model: Model, displacements: np.ndarray, source: object = "frame") -> np.ndarray:
@@ -28,36 +30,40 @@ def internal_forces(model: Model, displacements: np.ndarray, source: object = "f
     C3D20R and S8R have 2 x 2 x 2 points, C3D20 and S8 have 3 x 3 x 3. ``displacements`` (n, 3) in mm.
     """
     local, weights = gauss(model.element.gauss_points, 3)
-    state: LayerState = layer_state(model, displacements, local, source)
-    shell = model.expansion
+    layer = model.expansion
+    if model.element.plane_stress:
+        deformation, _ = deformation_gradient(layer.nodes, layer.bricks, displacements, local)
+        stress = shell.second_piola_kirchhoff(green_lagrange(deformation), shell.stiffness(model))
+    else:
+        state: LayerState = layer_state(model, displacements, local, source)
+        deformation, stress = state.deformation, state.second_piola
     _, slopes = hex20_shape(local)
-    jacobian = np.einsum("gnd,mnk->mgkd", slopes, shell.nodes[shell.bricks])
+    jacobian = np.einsum("gnd,mnk->mgkd", slopes, layer.nodes[layer.bricks])
     gradient = np.einsum("gnd,mgdk->mgnk", slopes, np.linalg.inv(jacobian))  # dN_n / dX_k
     volume = np.linalg.det(jacobian) * weights
-    first_piola = state.deformation @ state.second_piola * volume[..., None, None]
+    first_piola = deformation @ stress * volume[..., None, None]
     forces = np.einsum("mgik,mgnk->mni", first_piola, gradient, optimize=True)
-    return scatter(forces, shell.bricks, len(model.nodes))
+    return scatter(forces, layer.bricks, len(model.nodes))
 
 
 def pressure_forces(model: Model, displacements: np.ndarray, actuation_pressure: float) -> np.ndarray:
-    """f_p (n, 3) in N of P_v and P_a (kPa) on the deformed faces: int N p n da, pushing into the face.
+    """f_p (n, 3) in N of P_v and P_a (kPa) on the deformed faces, of shells on the middle surface: int N p n da, pushing in.
 
     With the points of CalculiX: 2 x 2 on faces of C3D20R and S8R, 3 x 3 on those of C3D20 and S8.
     """
-    shell = model.expansion
-    x = shell.nodes + displacements[: len(shell.nodes)]
+    x = model.nodes + displacements
     local, weights = gauss(model.element.gauss_points, 2)
     values, slopes = quad8_shape(local)
     total = np.zeros((len(model.nodes), 3))
     for load in model.pressures:
         value = KPA * (load.ventricular * model.loading.ventricular_pressure + load.actuation * actuation_pressure)
-        face = HEX20_BOTTOM if load.side == "bottom" else HEX20_TOP
         sign = 1.0 if load.side == "bottom" else -1.0
-        numbers = shell.bricks[load.quads][:, face]
-        tangents = np.einsum("gnd,mnk->mgdk", slopes, x[numbers])
+        quads, surfaces = model.mesh.quads[load.quads], model.loaded(load.side)
+        tangents = np.einsum("gnd,mnk->mgdk", slopes, np.mean([x[nodes] for nodes in surfaces], axis=0)[quads])
         normal = np.cross(tangents[:, :, 0], tangents[:, :, 1])
         forces = sign * value * np.einsum("gn,mgk,g->mnk", values, normal, weights)
-        total += scatter(forces, numbers, len(total))
+        for nodes in surfaces:
+            total += scatter(forces / len(surfaces), nodes[quads], len(total))
     return total
 
 
@@ -65,20 +71,20 @@ def mass_forces(model: Model, field: np.ndarray) -> np.ndarray:
     """M ``field`` (n, 3) with the consistent mass (3 x 3 x 3 points): N for an acceleration in mm/s^2."""
     local, weights = gauss(3, 3)
     values, slopes = hex20_shape(local)
-    shell = model.expansion
-    jacobian = np.einsum("gnd,mnk->mgkd", slopes, shell.nodes[shell.bricks])
+    layer = model.expansion
+    jacobian = np.einsum("gnd,mnk->mgkd", slopes, layer.nodes[layer.bricks])
     volume = np.linalg.det(jacobian) * weights
-    at_points = np.einsum("gn,mnk->mgk", values, field[shell.bricks])
+    at_points = np.einsum("gn,mnk->mgk", values, field[layer.bricks])
     forces = model.fabric.density * np.einsum("gn,mgk,mg->mnk", values, at_points, volume, optimize=True)
-    return scatter(forces, shell.bricks, len(model.nodes))
+    return scatter(forces, layer.bricks, len(model.nodes))
 
 
 def through_thickness(model: Model, forces: np.ndarray) -> np.ndarray:
     """Forces (n, 3) at brick nodes -> their sums over the thickness at the nodes of the mesh (n_shell, 3)."""
-    shell = model.expansion
-    total = forces[shell.bottom] + forces[shell.top]
-    corner = shell.middle >= 0
-    total[corner] += forces[shell.middle[corner]]
+    layer = model.expansion
+    total = forces[layer.bottom] + forces[layer.top]
+    corner = layer.middle >= 0
+    total[corner] += forces[layer.middle[corner]]
     return total
 
 
@@ -120,11 +126,15 @@ def residual(
     if motion is not None:
         viscous = mass_forces(model, damping * _with_references(model, motion[0]) + _with_references(model, motion[1]))
     free = unconstrained(model)
-    load = np.linalg.norm(project @ loaded.ravel()) or 1.0
+
+    def held(forces: np.ndarray) -> np.ndarray:
+        return shell.along_layer(model, forces, u) if model.element.plane_stress else forces
+
+    load = np.linalg.norm(project @ held(loaded).ravel()) or 1.0
     load_sum = np.linalg.norm(through_thickness(model, loaded)[free]) or 1.0
 
     def norms(forces: np.ndarray) -> tuple[float, float]:
-        whole = float(np.linalg.norm(project @ forces.ravel()) / load)
+        whole = float(np.linalg.norm(project @ held(forces).ravel()) / load)
         return whole, float(np.linalg.norm(through_thickness(model, forces)[free]) / load_sum)
 
     shaken = internal_forces(model, _with_references(model, u + rounding_noise(u, precision)), source)

@@ -58,8 +58,3 @@ def energy_and_extremes(
     density = energy_density(green_lagrange(deformation), lam[:, None], mu[:, None])
     energy = float(np.einsum("mg,mg,g->", density, jacobian, weights))
     return energy, float(np.linalg.det(deformation).min()), float(np.linalg.norm(deformation[..., 2], axis=-1).min())
-
-
-def strain_energy(*arguments, **options) -> float:
-    """Strain energy in N mm; arguments as of ``energy_and_extremes``."""
-    return energy_and_extremes(*arguments, **options)[0]

@@ -16,6 +16,7 @@ from functools import cached_property
 import numpy as np
 
 from limo.errors import ResultError
+from limo.mechanics import shell
 from limo.mechanics.constitutive import cauchy, second_piola_kirchhoff, von_mises
 from limo.mechanics.kinematics import deformation_gradient, green_lagrange, lame
 from limo.mechanics.model import Model
@@ -82,19 +83,21 @@ def layer_state(model: Model, displacements: np.ndarray, local: np.ndarray, sour
     ``n`` is at least the number of brick nodes; ``source`` is the file that errors name. Raises ``ResultError`` for
     displacements that are missing or not numbers and for elements turned inside out (det F <= 0), naming the first.
     """
-    shell = model.expansion
-    count = len(shell.nodes)
+    layer = model.expansion
+    count = len(layer.nodes)
     if displacements.ndim != 2 or displacements.shape[1] != 3 or len(displacements) < count:
         raise ResultError(f"{source}: displacements of shape {displacements.shape}, the mesh has {count} nodes")
     u = np.asarray(displacements[:count], float)
     broken = ~np.isfinite(u).all(axis=1)
     if broken.any():
-        element = int(np.flatnonzero(broken[shell.bricks].any(axis=1))[0])
+        element = int(np.flatnonzero(broken[layer.bricks].any(axis=1))[0])
         raise ResultError(
             f"{source}: {broken.sum()} nodes with displacements that are no numbers, first in "
             f"{element_label(model.mesh, element)}"
         )
-    deformation, _ = deformation_gradient(shell.nodes, shell.bricks, u, local)
+    deformation, _ = deformation_gradient(layer.nodes, layer.bricks, u, local)
+    if model.element.plane_stress:
+        deformation = shell.thinned(deformation, model.fabric.poisson_ratio)
     determinant = np.linalg.det(deformation).min(axis=1)
     if (determinant <= 0).any():
         element = int(np.argmin(determinant))

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from scipy.sparse import csr_array, identity
+import scipy  # its parts are imported when they are used
 
 from limo.mesh.elements import HEX20_BOTTOM, HEX20_TOP
 from limo.mesh.layers import LAYERS
@@ -153,6 +153,13 @@ class Model:
         ratio = np.where(self.mesh.layer == LAYERS.index("endo"), self.fabric.stiffness_ratio, 1.0)
         return ratio * self.fabric.youngs_modulus
 
+    def loaded(self, side: str) -> tuple[np.ndarray, ...]:
+        """Nodes (n_shell,) whose mean is where a pressure on a side acts: that side, or the middle surface of shells."""
+        shell = self.expansion
+        if self.element.plane_stress:
+            return shell.bottom, shell.top
+        return (shell.bottom if side == "bottom" else shell.top,)
+
     def midsurface(self, displacements: np.ndarray) -> np.ndarray:
         """Displacements (n, 3) of the model's nodes -> those of the mesh's nodes, on the middle surface (n_shell, 3)."""
         return displacements if self.element.is_shell else self.expansion.midsurface(displacements)
@@ -164,12 +171,14 @@ def scatter(forces: np.ndarray, nodes: np.ndarray, count: int) -> np.ndarray:
     return np.stack([np.bincount(index, forces[..., d].ravel(), minlength=count) for d in range(3)], axis=1)
 
 
-def reduction(model: Model) -> csr_array:
+def reduction(model: Model) -> scipy.sparse.csr_array:
     """T^T (free, 3 n): from forces on all displacements to those on the free ones, with u = T u_free + const.
 
     The dependent term of an equation, u_0 = -sum c_i / c_0 u_i, hands its force to the others; prescribed and fixed
     displacements take theirs away.
     """
+    from scipy.sparse import csr_array, identity  # takes 0.1 s, and most processes solve nothing
+
     size = 3 * len(model.nodes)
     dependent, rows, columns, values = [], [], [], []
     for equation in model.equations:

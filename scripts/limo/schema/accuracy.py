@@ -27,7 +27,7 @@ class Scaling(Section):
     minutes: float = Field(15.0, gt=0, description="CPU time of a size beyond which it is not tried", examples=[15])
 
 
-AirbagElement = Literal["S3", "S4", "S4R", "S6", "S8", "S8R", "C3D20R", "C3D20"]
+AirbagElement = Literal["S3", "S4", "S4R", "S6", "S8", "S8R", "C3D20R", "C3D20", "SHELL8R"]
 
 
 Planes = Literal["symmetric", "hinged"]
@@ -36,8 +36,10 @@ Planes = Literal["symmetric", "hinged"]
 class AirbagSeries(Section):
     """One element type, solved on several meshes."""
 
-    element: AirbagElement = Field(description="shells that CalculiX expands, or written-out C3D20R or C3D20", examples=["S8R"])
-    engine: Engine = Field("calculix", description="newton for C3D20R and C3D20 alone", examples=["newton"])
+    element: AirbagElement = Field(
+        description="shells that CalculiX expands, written-out C3D20R or C3D20, or SHELL8R", examples=["S8R"]
+    )
+    engine: Engine = Field("calculix", description="newton for C3D20R, C3D20 and SHELL8R alone", examples=["newton"])
     divisions: list[Annotated[int, Field(ge=2, le=200)]] = Field(
         min_length=1, description="numbers of elements along half a side", examples=[[4, 8, 16]]
     )

@@ -11,7 +11,8 @@ class Element:
 
     ``is_shell``: CalculiX makes the layer of it itself, the other ones are written out as bricks. ``corners`` (3 or 4) and
     ``order`` (1: corners alone, 2: mid-sides as well) are those of its face. ``gauss_points``: points a direction of the brick,
-    written out or made of a shell; of triangles points across the thickness.
+    written out or made of a shell; of triangles points across the thickness. ``plane_stress``: a shell of the project's own, with
+    the nodes of a written-out brick (``limo.mechanics.shell``).
     """
 
     name: str
@@ -19,6 +20,7 @@ class Element:
     corners: int
     order: int
     gauss_points: int
+    plane_stress: bool = False
 
     @property
     def face_nodes(self) -> int:
@@ -38,6 +40,7 @@ ELEMENTS = {
         Element("S8R", is_shell=True, corners=4, order=2, gauss_points=2),
         Element("C3D20", is_shell=False, corners=4, order=2, gauss_points=3),
         Element("C3D20R", is_shell=False, corners=4, order=2, gauss_points=2),
+        Element("SHELL8R", is_shell=False, corners=4, order=2, gauss_points=2, plane_stress=True),
     )
 }
 

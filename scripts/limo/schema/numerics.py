@@ -40,7 +40,7 @@ class Mesh(Section):
     symmetry: Symmetry = Field("quarter", description="planes used: none, z = 0, or z = 0 and x = 0", examples=["quarter"])
     element: ElementName = Field(
         "C3D20R",
-        description="S8 and S8R (expanded by CalculiX, full device only) or the same layer written out",
+        description="S8 and S8R (expanded by CalculiX, full device only), the same layer written out, or SHELL8R (newton only)",
         examples=["C3D20R"],
     )
 

@@ -6,7 +6,7 @@ from typing import Any, Literal, get_args
 
 from pydantic import BaseModel, ConfigDict, field_validator
 
-ElementName = Literal["S8", "S8R", "C3D20", "C3D20R"]
+ElementName = Literal["S8", "S8R", "C3D20", "C3D20R", "SHELL8R"]
 
 
 Engine = Literal["calculix", "newton"]

@@ -369,6 +369,29 @@ def test_maximum_pressure_is_one_number_or_one_a_ventricular_pressure():
     assert Study(axes=axes, actuation_pressure_max=70).maximum_for(13.0) == 70.0
 
 
+@pytest.mark.parametrize(
+    ("changes", "key", "expected"),
+    [
+        ({"engine": "calculix"}, "engine", "element C3D20 or C3D20R, which"),
+        ({"engine": "newton", "cross_check": 2}, "cross_check", "element C3D20 or C3D20R, which"),
+        (
+            {"engine": "newton", "numerics": {"newton": {"geometric_stiffness": "mixed"}}},
+            "numerics.newton.geometric_stiffness",
+            "consistent with element SHELL8R",
+        ),
+    ],
+    ids=["engine", "cross_check", "lever"],
+)
+def test_shells_with_directors_are_newtons_alone_and_without_the_mixed_stress(folder, changes, key, expected):
+    for name, value in ({"mesh": {"element": "SHELL8R"}} | changes).items():
+        edit(folder / STUDY, (name,), value)
+    error = error_of(folder)
+    assert (error.key, error.example != "") == (key, True)
+    assert expected in error.expected
+    edit(folder / STUDY, ("mesh",), {"element": "C3D20R"})
+    load_config(folder / CONFIG, strict=True)
+
+
 def test_study_overrides_the_default_mesh_and_numerics(folder):
     edit(folder / STUDY, ("mesh",), {"level": "coarse", "symmetry": "full"})
     edit(folder / STUDY, ("numerics",), "paper")

@@ -90,7 +90,7 @@ def test_straight_pieces_and_fillets_come_back_as_they_were(root, loaded, tmp_pa
 @pytest.mark.parametrize("version", ["R12", "R2000", "R2010", "R2018"])
 @pytest.mark.parametrize("exploded", [False, True], ids=["polylines", "lines"])
 def test_dxf_of_every_version_in_polylines_and_single_lines(loaded, bring, version, exploded):
-    before = flat(loaded, "limo", 8)
+    before = flat(loaded, "limo", 4)
     found = bring(plain(cutting_lines(before)), version=version, exploded=exploded)
     assert difference(before, found.flat) < SAME
 
@@ -133,7 +133,7 @@ def test_units_of_svg(loaded, tmp_path):
 @pytest.mark.parametrize("mirror", [False, True], ids=["as it is", "mirrored"])
 @pytest.mark.parametrize("kind", ["dxf", "svg"])
 def test_a_drawing_may_lie_anywhere_be_turned_and_be_mirrored(loaded, tmp_path, angle, mirror, kind):
-    before = flat(loaded, "limo", 10)
+    before = flat(loaded, "limo", 6)
     lines, move = plain(cutting_lines(before)), moved(angle, (250.0, -1234.5), 1.0, mirror)
     if kind == "dxf":
         file = write_dxf(tmp_path / "turned.dxf", lines, move=move)

@@ -26,8 +26,8 @@ SAMPLED = 1
 
 
 def takes(element: Element) -> bool:
-    """It takes all elements, and expands shells itself."""
-    return True
+    """It takes bricks, and shells that it expands itself; it knows none with directors."""
+    return not element.plane_stress
 
 
 def build(solver: Solver, config_file: str) -> Build:

@@ -15,7 +15,30 @@ from limo.engines.newton.faces import Faces
 from limo.errors import ResultError
 from limo.mechanics.kinematics import lame
 from limo.mechanics.model import Model, reduction, scatter
-from limo.mesh.elements import gauss, hex20_shape
+from limo.mesh.elements import HEX20_BOTTOM, HEX20_TOP, gauss, hex20_shape
+
+#: nodes of the sides of a brick
+SIDES = {"bottom": HEX20_BOTTOM, "top": HEX20_TOP}
+
+
+def constraints(model: Model) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The free displacement (3 n,) of each displacement of a model, or -1, its multiple, and what is prescribed (n, 3) in mm.
+
+    Raises ``ResultError`` where one depends on two free ones.
+    """
+    columns = reduction(model).tocsc()
+    if (np.diff(columns.indptr) > 1).any():
+        raise ResultError("a displacement that depends on two free ones: this model's equations are not followed")
+    held = np.diff(columns.indptr) == 0
+    free, factor = np.full(3 * len(model.nodes), -1), np.zeros(3 * len(model.nodes))
+    free[~held], factor[~held] = columns.indices, columns.data
+    prescribed = np.zeros((len(model.nodes), 3))
+    for (n, d), value in model.prescribed.items():
+        prescribed[n, d] = value
+    for equation in model.equations:
+        (node, direction, leading), *others = equation.terms
+        prescribed[node, direction] = -sum(c * prescribed[n, d] for n, d, c in others) / leading
+    return free, factor, prescribed
 
 
 class Assembly:
@@ -36,7 +59,7 @@ class Assembly:
         self.gradient = np.ascontiguousarray(gradient).reshape(len(shell.bricks), 3 * len(local), 20)
         self.volume = np.linalg.det(jacobian) * weights
         self.lame = np.stack(lame(model.youngs_modulus, model.fabric.poisson_ratio), axis=1)
-        self.faces = Faces(model)
+        self.faces = Faces(model, lambda load: shell.bricks[load.quads][:, SIDES[load.side]], shell.nodes, len(model.nodes))
         self._placed: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
         self._known: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
         self._constrain()
@@ -45,23 +68,12 @@ class Assembly:
 
     def _constrain(self) -> None:
         model = self.model
+        self.free, self.factor, self.prescribed = constraints(model)
         self.reduction = reduction(model)
         self.size = self.reduction.shape[0]
-        columns = self.reduction.tocsc()
-        if (np.diff(columns.indptr) > 1).any():
-            raise ResultError("a displacement that depends on two free ones: this model's equations are not followed")
-        held = np.diff(columns.indptr) == 0
-        self.free = np.full(3 * len(model.nodes), -1)
-        self.factor = np.zeros(3 * len(model.nodes))
-        self.free[~held], self.factor[~held] = columns.indices, columns.data
         self.nodes = np.zeros(self.size, int)
-        self.nodes[columns.indices[::-1]] = np.flatnonzero(~held)[::-1] // 3
-        self.prescribed = np.zeros((len(model.nodes), 3))
-        for (n, d), value in model.prescribed.items():
-            self.prescribed[n, d] = value
-        for equation in model.equations:
-            (node, direction, leading), *others = equation.terms
-            self.prescribed[node, direction] = -sum(c * self.prescribed[n, d] for n, d, c in others) / leading
+        held = self.free < 0
+        self.nodes[self.free[~held][::-1]] = np.flatnonzero(~held)[::-1] // 3
 
     def expand(self, free: np.ndarray) -> np.ndarray:
         """T q: displacements (n, 3) of all nodes from the free ones (size,), prescribed ones zero."""
@@ -74,8 +86,12 @@ class Assembly:
         free[self.free[taken]] = moved / self.factor[taken]
         return free
 
-    def reduce(self, forces: np.ndarray) -> np.ndarray:
-        """T^T f: forces (n, 3) of all nodes -> (size,)."""
+    def retracted(self, free: np.ndarray) -> np.ndarray:
+        """``free`` (size,) as it is: bricks may be moved to any place."""
+        return free
+
+    def reduce(self, forces: np.ndarray, u: np.ndarray | None = None) -> np.ndarray:
+        """T^T f: forces (n, 3) of all nodes -> (size,), whatever the displacements u (n, 3)."""
         return self.reduction @ forces.ravel()
 
     # --- forces -------------------------------------------------------------------------------------------------------

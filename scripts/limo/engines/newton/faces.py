@@ -2,28 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from limo.engines.newton.entries import entries_of
 from limo.engines.newton.kernels import PAIRS
 from limo.engines.newton.unknowns import Unknowns
-from limo.mechanics.model import KPA, Model, scatter
-from limo.mesh.elements import HEX20_BOTTOM, HEX20_TOP, gauss, quad8_shape
+from limo.mechanics.model import KPA, Model, Pressure, scatter
+from limo.mesh.elements import gauss, quad8_shape
 
 
 class Faces:
     """The loaded faces of a model, with as many integration points a direction as its bricks.
 
-    ``nodes`` (f, 8); ``entries_count``: how many numbers ``tangent`` gives.
+    ``nodes_of`` gives the nodes (f, 8) of a pressure's faces, ``rest`` (n, 3) in mm where nodes lie at first, ``count`` how many
+    forces there are. ``nodes`` (f, 8): of all faces; ``entries_count``: how many numbers ``tangent`` gives.
     """
 
-    def __init__(self, model: Model):
-        shell, count = model.expansion, len(model.nodes)
-        self._count = count
+    def __init__(self, model: Model, nodes_of: Callable[[Pressure], np.ndarray], rest: np.ndarray, count: int):
+        self._count, self._rest = count, rest
         nodes, weights = [np.empty((0, 8), int)], [np.empty((0, 2))]
         for load in model.pressures:
-            face, sign = (HEX20_BOTTOM, 1.0) if load.side == "bottom" else (HEX20_TOP, -1.0)
-            nodes.append(shell.bricks[load.quads][:, face])
+            sign = 1.0 if load.side == "bottom" else -1.0
+            nodes.append(nodes_of(load))
             weights.append(np.tile([sign * KPA * load.ventricular, sign * KPA * load.actuation], (len(load.quads), 1)))
         self.nodes = np.vstack(nodes)
         self._weights = np.vstack(weights)
@@ -31,7 +33,6 @@ class Faces:
         values, slopes = quad8_shape(local)
         self._values = np.ascontiguousarray((values * rule[:, None]).T)  # (8, g)
         self._slopes = np.vstack([slopes[:, :, 0], slopes[:, :, 1]])  # (2 g, 8)
-        self._rest = shell.nodes
         # (N_n dN_m - N_m dN_n) / 2 of each pair of nodes n < m at the points, weighted: what multiplies x_,1, and x_,2
         first, second = self._pair = np.triu_indices(8, 1)
         turned = [values[:, first] * d[:, second] - values[:, second] * d[:, first] for d in (slopes[:, :, 1], slopes[:, :, 0])]

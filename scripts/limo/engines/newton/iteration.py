@@ -1,4 +1,4 @@
-"""Shifted Newton: an engine that solves a model's bricks quasi-statically, from one equilibrium to the next.
+"""Shifted Newton: an engine that solves a model's bricks or shells quasi-statically, from one equilibrium to the next.
 
 At a frozen load the free displacements q follow
 
@@ -38,8 +38,9 @@ from limo.engines.newton.build import mkl_version
 from limo.engines.newton.mixed import MixedStress
 from limo.engines.newton.pardiso import FactorisationError, SymmetricSolver, set_threads
 from limo.engines.newton.refined import RefinedSolver
+from limo.engines.newton.shell import Directors, ShellAssembly, ShellTangent
 from limo.engines.newton.tangent import Tangent
-from limo.engines.newton.unknowns import displacements, means
+from limo.engines.newton.unknowns import Unknowns, displacements, means
 from limo.mechanics.model import Model
 from limo.schema.numerics import Newton
 from limo.schema.section import STAGES
@@ -149,10 +150,8 @@ class _Run:
 
     def __init__(self, model: Model, settings: Newton, deadline: float):
         self.model, self.settings, self.deadline = model, settings, deadline
-        self.assembly = Assembly(model)
         single = settings.factor_precision == "single"
-        self.unknowns = means(self.assembly) if single else displacements(self.assembly)
-        self.tangent = Tangent(self.assembly, self.unknowns)
+        self.assembly, self.unknowns, self.tangent = _discrete(model, single)
         pattern, groups = (self.tangent.indptr, self.tangent.indices), self.unknowns.groups
         solver = RefinedSolver if single else partial(SymmetricSolver, definite=True)
         self.solver = solver(*pattern, groups=groups)
@@ -175,7 +174,7 @@ class _Run:
         """What is told of the iteration beside its path: counts, CPU seconds, MiB."""
         state = self.state
         return {
-            "equations": self.assembly.size,
+            "equations": self.unknowns.size,
             "factorisations": state.factorisations,
             "solutions": state.solutions,
             "refinements": self.solver.refinements,
@@ -233,7 +232,7 @@ class _Run:
             if time.monotonic() > self.deadline:
                 raise _StopError("timed_out", f"stopped at P_a = {actuation:g} kPa of the {name} after the time limit")
             u, inside, pressed = self._forces(ventricular, actuation)
-            residual, load = assembly.reduce(pressed - inside), self._load(inside, pressed)
+            residual, load = assembly.reduce(pressed - inside, u), self._load(inside, pressed)
             size = np.linalg.norm(residual)
             if moved is None and self._at_rest(size, load, correction, before):
                 if assembly.smallest_volume(u) <= 0:
@@ -241,7 +240,7 @@ class _Run:
                 break
             if moved is not None:
                 # the edges move with this step: what they drag along is part of its right side
-                residual = residual - assembly.reduce(assembly.drag(u, moved))
+                residual = residual - assembly.reduce(assembly.drag(u, moved), u)
             refused, edges = state.rejected, moved is not None
             correction = largest = self._iterate(residual, share, ventricular, actuation)
             moved = None
@@ -314,7 +313,8 @@ class _Run:
         """
         state, arrived, pressure, end = self.state, replace(self.state), self.pressures[-1], len(self.stages) - 1
         for place, frame in enumerate(frames):
-            state.free = left + easy * (frame - before) / (pressure - before) * (arrived.free - left)
+            share = easy * (frame - before) / (pressure - before)
+            state.free = self.assembly.retracted(left + share * (arrived.free - left))
             self.advance(RAMP, 1.0, self.model.loading.ventricular_pressure, frame)
             for history in (self.stages, self.pressures, self.kept, self.residuals):
                 history.insert(end + place, history.pop())
@@ -329,7 +329,8 @@ class _Run:
 
     def _load(self, inside: np.ndarray, pressed: np.ndarray) -> float:
         """What residuals are compared with (N): the pressures on the free displacements, and without any the held forces."""
-        return max(np.linalg.norm(self.assembly.reduce(pressed)), HELD_SHARE * np.linalg.norm(inside), SMALLEST_FORCE)
+        load = np.linalg.norm(self.assembly.reduce(pressed, self.displacements()))
+        return max(load, HELD_SHARE * np.linalg.norm(inside), SMALLEST_FORCE)
 
     def _at_rest(self, size: float, load: float, correction: float, before: np.ndarray) -> bool:
         """Residual small beside the load, the last correction beside the way gone at this load, and the shift at its smallest.
@@ -359,7 +360,8 @@ class _Run:
                 largest = np.abs(step).max()
                 if largest <= self.rejected:
                     for cut in CUTS if share == state.prescribed else (1.0,):
-                        free = state.free + cut * min(1.0, self.largest / max(largest, TINY)) * step
+                        part = cut * min(1.0, self.largest / max(largest, TINY))
+                        free = self.assembly.retracted(state.free + part * step)
                         after = self.assembly.volume_ratios(self.displacements(free, share))
                         if _whole(before, after, self._floor, growth_limit):
                             if state.rejected > refused:
@@ -393,8 +395,8 @@ class _Run:
         """
         state, assembly, came_from = self.state, self.assembly, None
         while True:
-            _, inside, pressed = self._forces(ventricular, actuation)
-            residual = assembly.reduce(pressed - inside)
+            u, inside, pressed = self._forces(ventricular, actuation)
+            residual = assembly.reduce(pressed - inside, u)
             now = np.linalg.norm(residual)
             if came_from is not None and now > size:
                 state.free, correction = came_from
@@ -407,7 +409,18 @@ class _Run:
             correction, size = np.abs(step).max(), now
             if correction > self.largest:
                 return correction
-            state.free = state.free + step
+            state.free = assembly.retracted(state.free + step)
+
+
+def _discrete(model: Model, single: bool) -> tuple[Assembly, Unknowns, Tangent] | tuple[ShellAssembly, Directors, ShellTangent]:
+    """Forces, unknowns and tangent of a model, on unknowns whose matrix may be rounded to ``single`` precision."""
+    if model.element.plane_stress:
+        shells = ShellAssembly(model)
+        directors = Directors(shells)
+        return shells, directors, ShellTangent(shells, directors)
+    bricks = Assembly(model)
+    unknowns = means(bricks) if single else displacements(bricks)
+    return bricks, unknowns, Tangent(bricks, unknowns)
 
 
 def _cpu_seconds() -> float:
