@@ -24,12 +24,11 @@ $(STAMP): pyproject.toml requirements.lock scripts/setup.sh scripts/system_packa
 	@bash scripts/setup.sh
 	@mkdir -p $(@D) && touch $@
 
-# Apart from set-up: Snakemake imports it at each start, which takes a quarter of a second.
 CLUSTER := .local/cluster.done
 cluster: $(CLUSTER) ## add what sweeps on a Slurm cluster need (docs/cluster.md)
 
-$(CLUSTER): $(STAMP) requirements-cluster.lock
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-input --no-deps --require-hashes -r requirements-cluster.lock
+$(CLUSTER): $(STAMP) requirements-cluster.lock scripts/cluster.sh
+	@bash scripts/cluster.sh
 	@touch $@
 
 ccx-tuned: setup ## build CalculiX for this processor (set-up tries it, too; here a failure is an error)

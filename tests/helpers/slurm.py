@@ -9,6 +9,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from limo.cluster.profile import require_plugin
+from limo.errors import ClusterError
+
 ROOT = Path(__file__).parents[2]
 SCRIPT = ROOT / "scripts" / "slurm.sh"
 #: what has to be there for it; ``make test`` installs both
@@ -22,8 +25,8 @@ def lacks() -> str:
         if not any(os.access(Path(folder) / program, os.X_OK) for folder in folders):
             return f"{program} (scripts/slurm.sh install)"
     try:
-        import snakemake_executor_plugin_slurm  # noqa: F401
-    except ImportError:
+        require_plugin("slurm")
+    except ClusterError:
         return "snakemake-executor-plugin-slurm (make cluster)"
     return ""
 

@@ -89,7 +89,7 @@ def reader(solved, tmp_path_factory):
     folder = tmp_path_factory.mktemp("reader")
     shutil.copytree(ROOT / "config", folder / "config")
     shutil.copytree(ROOT / "docs", folder / "docs")
-    shutil.copytree(ROOT / "profiles", folder / "profiles")
+    shutil.copytree(ROOT / "workflow/profiles", folder / "workflow/profiles")
     shutil.copytree(solved.folder / "results", folder / "results")
     (folder / "results/studies/tiny").rename(folder / "results/studies/pressure_volume")
     return folder

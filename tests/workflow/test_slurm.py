@@ -20,15 +20,16 @@ from limo.reports.cluster import STUDY, WORDS, measure_sweep
 from limo.store.files import read_json
 from limo.store.results import Results
 from limo.terminal.cli import main
+from limo.terminal.monitor import LOG
 from tests.helpers.slurm import daemons, lacks, one_folder_slurm
+from tests.helpers.snakemake import Started, start_snakemake
 
 from .conftest import ROOT, make_project
 
-pytestmark = [
-    pytest.mark.xdist_group("slurm"),
-    pytest.mark.skipif(bool(lacks()), reason=f"sweeps on Slurm are not tested: there is no {lacks()}"),
-]
+pytestmark = pytest.mark.skipif(bool(lacks()), reason=f"sweeps on Slurm are not tested: there is no {lacks()}")
 PATIENCE = 300.0  # s; machines are shared
+#: of a study whose cases take minutes
+LONG = {"actuation_pressure_max": 60.0, "engine": "calculix", "mesh": {"level": "preview"}}
 #: of a dataset what differs between two solves of one case
 TIMES = ("solver_time", "python_time", "solver_memory")
 
@@ -69,40 +70,36 @@ def tiny(cluster, tmp_path, monkeypatch):
 @pytest.fixture(scope="module")
 def quick(tmp_path_factory) -> Path:
     """The project's profile, asking more often than people may."""
-    profile = yaml.safe_load((ROOT / "profiles/slurm/config.yaml").read_text())
+    profile = yaml.safe_load((ROOT / "workflow/profiles/slurm/config.yaml").read_text())
     profile |= {"jobs": 4, "slurm-init-seconds-before-status-checks": 1, "latency-wait": 10, "retries": 1}
     folder = tmp_path_factory.mktemp("profile")
     (folder / "config.yaml").write_text(yaml.safe_dump(profile))
     return folder
 
 
-def start(project, quick, *options: str) -> subprocess.Popen:
+def start(project, quick, *options: str) -> Started:
     """A sweep in a process group of its own."""
-    command = [
-        sys.executable,
-        "-m",
-        "snakemake",
-        "--snakefile",
-        ROOT / "Snakefile",
-        "--workflow-profile",
-        quick,
-        "tiny",
-        *options,
-    ]
+    (project.folder / "snakemake.log").unlink(missing_ok=True)
+    words = ("--snakefile", ROOT / "Snakefile", "--workflow-profile", quick, "tiny", *options)
+    words += ("--config", f"file={project.config_file}")
+    return start_snakemake(*words, folder=project.folder, log=project.folder / "snakemake.log")
+
+
+def limo_sweep(project, *options: str) -> subprocess.Popen:
+    """`limo sweep --on slurm tiny`, likewise."""
+    command = [sys.executable, "-m", "limo.terminal.cli", "sweep", "--on", "slurm", *options, "tiny", "--"]
+    command += ["--snakefile", str(ROOT / "Snakefile"), "--slurm-init-seconds-before-status-checks", "1", "--latency-wait", "10"]
     with (project.folder / "snakemake.log").open("w") as log:
-        return subprocess.Popen(
-            [*map(str, command), "--config", f"file={project.config_file}"],
-            cwd=project.folder, stdout=log, stderr=subprocess.STDOUT, start_new_session=True,
-            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
-        )  # fmt: skip
+        return subprocess.Popen(command, cwd=project.folder, stdout=log, stderr=subprocess.STDOUT, start_new_session=True)
 
 
 def said(project) -> str:
-    return (project.folder / "snakemake.log").read_text(errors="replace")
+    log = project.folder / "snakemake.log"
+    return log.read_text(errors="replace") if log.exists() else ""
 
 
 @contextmanager
-def ended(process: subprocess.Popen, project):
+def ended(process: Started | subprocess.Popen, project):
     """Whatever happens, neither a sweep nor its jobs outlive the test."""
     try:
         yield process
@@ -110,7 +107,21 @@ def ended(process: subprocess.Popen, project):
         with suppress(ProcessLookupError):
             os.killpg(process.pid, signal.SIGKILL)
         process.wait()
+        for pid in snakemakes(project):  # that of `limo sweep` is of no other's group
+            with suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
         slurm_room.cancel(slurm_room.jobs_of(project.folder))
+
+
+def snakemakes(project) -> list[int]:
+    """Processes of Snakemake that work in a project's folder, those of jobs included."""
+    found = []
+    for entry in filter(str.isdigit, os.listdir("/proc")):
+        with suppress(OSError):
+            words = Path("/proc", entry, "cmdline").read_bytes().split(b"\0")
+            if words[1:3] == [b"-m", b"snakemake"] and os.readlink(f"/proc/{entry}/cwd") == os.path.realpath(project.folder):
+                found.append(int(entry))
+    return found
 
 
 def wait_for(ready, why):
@@ -166,21 +177,7 @@ def test_a_sweep_on_slurm_gives_what_a_local_one_gives_and_is_seen_meanwhile(tin
     checked = capsys.readouterr().out
     assert "on slurm: 6 jobs, at most 100 at once" in checked, "four cases, their dataset, and a look at the node"
     assert "core hours are predicted" in checked
-    command = [
-        sys.executable,
-        "-m",
-        "limo.terminal.cli",
-        "sweep",
-        "--on",
-        "slurm",
-        "tiny",
-        "--",
-        "--snakefile",
-        ROOT / "Snakefile",
-    ]
-    command += ["--slurm-init-seconds-before-status-checks", "1", "--latency-wait", "10"]
-    with (project.folder / "snakemake.log").open("w") as log:
-        sweep = subprocess.Popen(list(map(str, command)), stdout=log, stderr=subprocess.STDOUT, start_new_session=True)
+    sweep = limo_sweep(project)
     seen, runs = set(), set()
 
     def watched() -> bool:
@@ -245,11 +242,13 @@ def test_too_much_memory_and_a_cancelled_job_are_tried_again_with_more(tiny, qui
 
 def test_a_case_beyond_its_time_fails_alone_and_is_solved_by_the_next_sweep(tiny, quick, capsys):
     project = tiny((2, 4))
-    options = ("--set-resources", "solve_case:runtime=1", "measure_case:runtime=1", "--retries", "0")
-    with ended(start(project, quick, *options), project) as sweep:
+    with ended(start(project, quick, "--retries", "0"), project) as sweep:
         wait_for(lambda: len(solvers(project)) > 0, lambda: said(project))
         victim, pid = next(iter(solvers(project).items()))
         os.kill(pid, signal.SIGSTOP)
+        # a limit is a minute at least, and its end may be put forward
+        job = cases_with_jobs(project)[victim]
+        subprocess.run(["scontrol", "update", f"JobId={job}", "EndTime=now+2"], check=True)
         assert sweep.wait(PATIENCE) != 0
     found = look(capsys, "tiny")
     assert sorted(found.values()) == ["converged", "crashed"]
@@ -305,20 +304,39 @@ def test_after_kill_9_no_case_is_solved_twice(tiny, quick, capsys):
     finishes(project, quick, solved)
 
 
+@pytest.mark.parametrize(
+    ("left", "says", "solved_again"),
+    [("cancel", "1 jobs were cancelled", True), ("adopt", "1 jobs have ended; their results count", False)],
+)
+def test_the_next_sweep_cancels_or_adopts_the_jobs_that_a_killed_one_left(tiny, quick, left, says, solved_again):
+    project = tiny((2,))
+    with ended(start(project, quick), project) as sweep:
+        wait_for(lambda: cases_with_jobs(project), lambda: said(project))
+        os.killpg(sweep.pid, signal.SIGKILL)
+        sweep.wait()
+        with ended(limo_sweep(project, "--left", left), project) as again:
+            assert again.wait(PATIENCE) == 0, said(project)
+    assert says in said(project)
+    log = (project.folder / "results" / LOG).read_text()
+    assert ("rule solve_case" in log, "rule gather_study" in log) == (solved_again, True)
+    assert {status["status"] for status in statuses(project).values()} == {"converged"}
+
+
 # --------------------------------------------------------------------------------------------------------------------
 # what is refused before the first job
 
 
 @pytest.mark.parametrize(
-    ("options", "says"),
+    ("options", "says", "study"),
     [
-        (["--default-resources", "slurm_partition=nowhere"], ("no such partition", "there are main")),
-        (["--set-resources", "solve_case:runtime=120"], ("asks for 120 min", "ends jobs after 60 min", "solve_case:runtime=60")),
-        (["--set-resources", "solve_case:mem_mb=9000"], ("asks for 9000 MiB", "no node")),
+        (["--default-resources", "slurm_partition=nowhere"], ("no such partition", "there are main"), {}),
+        (["--set-resources", "solve_case:runtime=120"], ("asks for 120 min", "ends jobs after 60 min", "runtime=60"), {}),
+        (["--set-resources", "solve_case:mem_mb=9000"], ("asks for 9000 MiB", "no node"), {}),
+        (["--set-resources", "solve_case:runtime=1"], ("limit of 1 min is below the", "min that are predicted"), LONG),
     ],
 )
-def test_what_no_partition_takes_is_one_message(tiny, quick, options, says):
-    project = tiny((2,))
+def test_what_would_end_a_thousand_jobs_is_one_message(tiny, quick, options, says, study):
+    project = tiny((2,), **study)
     done = project.snakemake("tiny", "--workflow-profile", str(quick), *options, cores=None)
     assert done.returncode != 0
     assert all(text in done.stderr + done.stdout for text in says), done.stderr

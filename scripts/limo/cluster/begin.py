@@ -16,6 +16,7 @@ log = logging.getLogger(__name__)
 
 #: s that the job which looks at a node may wait for it
 PATIENCE = 24 * 3600.0
+_DEFAULT_RATE = (100, 1)  # jobs, s
 
 
 def begin_sweep(workflow: Any, project: Project, plan: Plan) -> None:
@@ -23,6 +24,7 @@ def begin_sweep(workflow: Any, project: Project, plan: Plan) -> None:
 
     On one machine only jobs of an earlier sweep on Slurm are looked for. Raises ``ClusterError``.
     """
+    _without_rate(workflow)
     try:
         check_orphans(Path.cwd())
     except NoAnswer as error:
@@ -43,3 +45,14 @@ def begin_sweep(workflow: Any, project: Project, plan: Plan) -> None:
         options = {"partition": first.partition, "account": first.account, "constraint": first.constraint, "qos": first.qos}
         options = {name: value for name, value in options.items() if value}
         probe_node(options, project.config.solver, file, project.builds, PATIENCE)
+
+
+def _without_rate(workflow: Any) -> None:
+    """Take away Snakemake's default limit of 100 new jobs a second, which none of our sweeps reaches.
+
+    With it Snakemake 9.27 looks through all ready jobs once a second, and once more for each job that has ended: after some
+    hundred of a thousand cases that takes a processor. A limit that was asked for stays.
+    """
+    asked = workflow.scheduling_settings.max_jobs_per_timespan
+    if asked and (asked.max_jobs, asked.timespan) == _DEFAULT_RATE:
+        workflow.scheduler.job_rate_limiter = None

@@ -18,6 +18,11 @@ from limo.store.digest import digest
 from limo.store.files import write_whole
 
 VARIABLE = "LIMO_PLAN"
+#: what to do where a build does not run on a node
+OTHER_NODES = (
+    "ask for nodes like the login node (constraint), or use a build that runs on all, "
+    "for example solver: {build: stock} in config/config.yaml"
+)
 FOLDER = Path(".snakemake/limo")
 
 
@@ -33,8 +38,7 @@ class Handed:
         if (planned := self.builds.get(engine, found)) != found:
             raise ClusterError(
                 f"{platform.node()}: engine {engine} is the build {found} here, the sweep was planned with {planned}, which does "
-                "not run on this node; ask for nodes like the login node (slurm_extra: --constraint=...), or use a build that "
-                "runs on all, for example solver: {build: stock} in config/config.yaml"
+                f"not run on this node; {OTHER_NODES}"
             )
 
 

@@ -19,7 +19,7 @@ from pathlib import Path
 
 from limo.cases.case import Case
 from limo.cluster import slurm
-from limo.cluster.handed import FOLDER, Handed, handed
+from limo.cluster.handed import FOLDER, OTHER_NODES, Handed, handed
 from limo.cluster.resources import SNAKEMAKE_MIB
 from limo.engines.engine import EngineSettings
 from limo.engines.find import find_builds, find_engine
@@ -134,9 +134,9 @@ def _try(engine: str, case: Case, settings: EngineSettings) -> None:
         try:
             iterations, reason = pool.submit(_iterate, engine, case, settings).result()
         except BrokenProcessPool:
-            raise ClusterError(f"engine {engine} was ended by a signal: its build does not run on this processor") from None
+            raise ClusterError(f"engine {engine} was ended by a signal, its build does not run here; {OTHER_NODES}") from None
     if not iterations:
-        raise ClusterError(f"engine {engine} does not iterate here: {reason}")
+        raise ClusterError(f"engine {engine} does not iterate here ({reason}); {OTHER_NODES}")
 
 
 def _iterate(engine: str, case: Case, settings: EngineSettings) -> tuple[int, str]:

@@ -1,17 +1,19 @@
-"""The profiles in ``profiles``, by which Snakemake knows a cluster."""
+"""The profiles in ``workflow/profiles``, by which Snakemake knows a cluster."""
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass
+from importlib.machinery import PathFinder
 from pathlib import Path
 
 import yaml
 
-from limo.errors import ConfigError
+from limo.errors import ClusterError, ConfigError
 
-FOLDER = Path(__file__).parents[3] / "profiles"
-#: read by Snakemake unasked, and no cluster's
-DEFAULT = "default"
+FOLDER = Path(__file__).parents[3] / "workflow" / "profiles"
+#: where ``make cluster`` puts Snakemake's plugin for Slurm; only a Snakemake that is to submit looks into it
+PLUGINS = Path(__file__).parents[3] / ".local" / "cluster" / "plugins"
 
 
 @dataclass(frozen=True)
@@ -26,7 +28,7 @@ class Profile:
 
 def names() -> list[str]:
     """Names of the profiles of clusters."""
-    return sorted(file.parent.name for file in FOLDER.glob("*/config.yaml") if file.parent.name != DEFAULT)
+    return sorted(file.parent.name for file in FOLDER.glob("*/config.yaml"))
 
 
 def read_profile(name: str) -> Profile:
@@ -40,3 +42,10 @@ def read_profile(name: str) -> Profile:
         raise ConfigError(FOLDER, "--on", name, f"one of: {', '.join(names())}", "--on slurm") from None
     except (yaml.YAMLError, KeyError, TypeError, ValueError, AttributeError) as error:
         raise ConfigError(file, "executor", "?", f"a profile of Snakemake ({error})", "executor: slurm") from None
+
+
+def require_plugin(executor: str) -> None:
+    """Raise ``ClusterError`` where Snakemake has no plugin for an executor."""
+    if PathFinder.find_spec(f"snakemake_executor_plugin_{executor.replace('-', '_')}", [*sys.path, str(PLUGINS)]) is None:
+        example = "make cluster" if executor == "slurm" else f"pip install snakemake-executor-plugin-{executor}"
+        raise ClusterError(f"Snakemake has no plugin for {executor} here; for example: {example}")

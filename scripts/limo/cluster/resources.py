@@ -12,7 +12,7 @@ from limo.cases.cost import PART, memory_mib
 
 #: longest time and largest memory of a solve over those predicted, in the measurements that the documents are made of
 TIME_MARGIN, MEMORY_MARGIN = 2.2, 1.3
-#: MiB of the two Snakemakes that a job consists of beside its script, and minutes until its script begins on a busy cluster
+#: MiB of the Snakemake that a job is beside its script, and minutes until its script begins on a busy cluster
 SNAKEMAKE_MIB, START_MINUTES = 300, 2
 #: factor of time and memory with each further attempt
 MORE = 2

@@ -165,8 +165,8 @@ def report(rows: pd.DataFrame, overhead: pd.DataFrame, entry: pd.DataFrame, clus
         entry_table(entry),
         "## Sweeps on a cluster",
         "Written by `limo performance cluster`: a study of very coarse cases, whose solve is replaced by a second of waiting. "
-        "Rules, scripts and Slurm are real; its only node is this machine. Time and memory are those of all processes of a job, "
-        "looked at every 0.2 s. Memory is without the script, which the rule's own request covers.",
+        "Rules, scripts and Slurm are real; its only node is this machine. Cases are of volumes alone. Time and memory are "
+        "those of all processes of a job, looked at every 0.2 s. Memory is without the script, which the rule's request covers.",
         cluster_table(cluster),
         "## How far seconds are to be trusted",
         "CPU seconds depend on what else runs on the machine, so compare them within a batch only. These runs were measured in "

@@ -9,7 +9,7 @@ from pathlib import Path
 from limo.cases.plan import make_plan
 from limo.cluster import slurm
 from limo.cluster.estimate import estimate, estimate_text, longest
-from limo.cluster.profile import Profile, read_profile
+from limo.cluster.profile import Profile, read_profile, require_plugin
 from limo.cluster.start import SLURM, check_orphans, check_slurm, require_slurm
 from limo.config.builds import open_project
 
@@ -39,8 +39,10 @@ def ready(name: str, left: str) -> Profile:
     profile = read_profile(name)
     if profile.executor == SLURM:
         require_slurm()
+    require_plugin(profile.executor)
+    if profile.executor == SLURM:
         if left != "refuse":
-            print((adopt_jobs if left == "adopt" else cancel_jobs)(Path.cwd()))
+            print((adopt_jobs if left == "adopt" else cancel_jobs)(Path.cwd()), flush=True)
         check_orphans(Path.cwd())
     return profile
 

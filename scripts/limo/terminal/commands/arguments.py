@@ -56,4 +56,4 @@ def cores(parser: argparse.ArgumentParser) -> None:
 
 def cluster(parser: argparse.ArgumentParser, help: str) -> None:
     """The cluster of a sweep."""
-    parser.add_argument("--on", metavar="CLUSTER", help=f"{help}: the name of a folder in profiles, such as slurm")
+    parser.add_argument("--on", metavar="CLUSTER", help=f"{help}: the name of a folder in workflow/profiles, such as slurm")

@@ -55,7 +55,7 @@ def add_performance(commands: arguments.Commands) -> None:
     swept = doing.add_parser(
         "cluster", help="measure what a sweep on a cluster takes beside its solves; its node is this machine"
     )
-    swept.add_argument("--on", default="slurm", metavar="CLUSTER", help="a folder in profiles (default: %(default)s)")
+    swept.add_argument("--on", default="slurm", metavar="CLUSTER", help="a folder in workflow/profiles (default: %(default)s)")
     swept.add_argument("--swept", type=int, default=1000, metavar="N", help="cases of the sweep, 0: none (default: %(default)s)")
     swept.add_argument("--planned", type=int, default=1000, metavar="N", help="cases of the rest (default: %(default)s)")
     printed = doing.add_parser("report", help="print the report")
