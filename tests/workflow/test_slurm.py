@@ -318,7 +318,7 @@ def test_the_next_sweep_cancels_or_adopts_the_jobs_that_a_killed_one_left(tiny, 
             assert again.wait(PATIENCE) == 0, said(project)
     assert says in said(project)
     log = (project.folder / "results" / LOG).read_text()
-    assert ("rule solve_case" in log, "rule gather_study" in log) == (solved_again, True)
+    assert ("Solve limo_np2" in log, "Gather tiny" in log) == (solved_again, True)
     assert {status["status"] for status in statuses(project).values()} == {"converged"}
 
 
