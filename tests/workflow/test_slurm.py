@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -24,7 +26,7 @@ from limo.terminal.monitor import LOG
 from tests.helpers.slurm import daemons, lacks, one_folder_slurm
 from tests.helpers.snakemake import Started, start_snakemake
 
-from .conftest import ROOT, make_project
+from .conftest import ROOT, Project, make_project
 
 pytestmark = pytest.mark.skipif(bool(lacks()), reason=f"sweeps on Slurm are not tested: there is no {lacks()}")
 PATIENCE = 300.0  # s; machines are shared
@@ -49,22 +51,34 @@ def cluster(tmp_path_factory):
     assert not daemons(folder / "daemons")
 
 
-@pytest.fixture
-def tiny(cluster, tmp_path, monkeypatch):
-    """``tiny(n_pouches, ...)``: an unsolved project of cases that take seconds, in whose folder this process then is."""
+@pytest.fixture(scope="module")
+def one_folder(tmp_path_factory) -> Path:
+    """The folder in which one sweep follows the other: its node is looked at once."""
+    return tmp_path_factory.mktemp("project")
 
-    def make(n_pouches=(2, 4), folder=tmp_path / "project", **study):
-        project = make_project(folder)
-        axes = {"n_pouches": list(n_pouches), "ventricular_pressure": [3.8]}
-        keys = {"axes": axes, "actuation_pressure_max": 5.0, "figures": [], "frames": [0, "max"], **study}
-        project.edit("studies/tiny.yaml", lambda d: d.update(keys))
-        project.edit("config.yaml", lambda d: d.update(engine="newton") or d.pop("stress_test"))
+
+@pytest.fixture
+def tiny(cluster, one_folder, monkeypatch):
+    """``tiny(cases, ...)``: an unsolved project of cases that take seconds, in whose folder this process then is."""
+
+    def make(cases=2, folder=one_folder, **study):
+        project = tiny_project(folder, cases, **study)
         monkeypatch.chdir(folder)
         return project
 
-    folder_of_tests = tmp_path / "project"
-    folder_of_tests.mkdir()
     return make
+
+
+def tiny_project(folder: Path, cases: int, **study):
+    """The project anew; meshes that are there stay."""
+    for old in ("config", "results/cases", "results/studies", "results/logs"):
+        shutil.rmtree(folder / old, ignore_errors=True)
+    project = make_project(folder)
+    axes = {"n_pouches": [2], "ventricular_pressure": [3.8 + 0.2 * k for k in range(cases)]}
+    keys = {"axes": axes, "actuation_pressure_max": 5.0, "figures": [], "frames": [0, "max"], **study}
+    project.edit("studies/tiny.yaml", lambda d: d.update(keys))
+    project.edit("config.yaml", lambda d: d.update(engine="newton") or d.pop("stress_test"))
+    return project
 
 
 @pytest.fixture(scope="module")
@@ -91,6 +105,16 @@ def limo_sweep(project, *options: str) -> subprocess.Popen:
     command += ["--snakefile", str(ROOT / "Snakefile"), "--slurm-init-seconds-before-status-checks", "1", "--latency-wait", "10"]
     with (project.folder / "snakemake.log").open("w") as log:
         return subprocess.Popen(command, cwd=project.folder, stdout=log, stderr=subprocess.STDOUT, start_new_session=True)
+
+
+@pytest.fixture(scope="module")
+def unseen(cluster, quick):
+    """A sweep in a folder that the node does not see. It waits long for an answer, so another test that waits runs beside it."""
+    folder = cluster / "project"
+    folder.mkdir()
+    project = tiny_project(folder, 1)
+    with ended(start(project, quick), project) as sweep:
+        yield project, sweep
 
 
 def said(project) -> str:
@@ -139,10 +163,15 @@ def cases_with_jobs(project, queued: bool = False) -> dict[str, str]:
     return {job.case: job.number for job in jobs if job.case and job.is_queued == queued}
 
 
-def all_submitted(project, count: int) -> bool:
+def numbers(project) -> set[str]:
+    """Numbers of jobs of cases that wait or run."""
+    return {job.number for job in slurm_room.jobs_of(project.folder) if job.case}
+
+
+def all_submitted(project, count: int, more_than_run: bool = True) -> bool:
     """Whether so many cases have jobs, some of which wait."""
     jobs = [job for job in slurm_room.jobs_of(project.folder) if job.case]
-    return len(jobs) == count and any(job.is_queued for job in jobs)
+    return len(jobs) == count and (not more_than_run or any(job.is_queued for job in jobs))
 
 
 def statuses(project) -> dict[str, dict]:
@@ -172,11 +201,17 @@ def look(capsys, *studies: str) -> dict[str, str]:
 
 
 def test_a_sweep_on_slurm_gives_what_a_local_one_gives_and_is_seen_meanwhile(tiny, tmp_path, capsys):
-    project = tiny((2, 4, 6, 8), outputs=["volumes", "stress"])
+    project = tiny(3, outputs=["volumes", "stress"])
     assert main(["check", "--on", "slurm", "tiny"]) == 0
     checked = capsys.readouterr().out
-    assert "on slurm: 6 jobs, at most 100 at once" in checked, "four cases, their dataset, and a look at the node"
+    assert "on slurm: 5 jobs, at most 100 at once" in checked, "three cases, their dataset, and a look at the node"
     assert "core hours are predicted" in checked
+    local = Project(tmp_path / "local")
+    shutil.copytree(project.folder / "config", local.folder / "config")
+    beside = start_snakemake(
+        *("--snakefile", ROOT / "Snakefile", "--cores", "1", "tiny", "--config", f"file={local.config_file}"),
+        folder=local.folder, log=local.folder / "snakemake.log",
+    )  # fmt: skip
     sweep = limo_sweep(project)
     seen, runs = set(), set()
 
@@ -190,8 +225,8 @@ def test_a_sweep_on_slurm_gives_what_a_local_one_gives_and_is_seen_meanwhile(tin
     assert sweep.returncode == 0, said(project)
     assert runs, "on the node's own disk"
     assert all((case / "run").is_dir() and not (case / "run").is_symlink() for case in runs)
-    assert {"waiting", "queued", "running", "converged"} <= seen, "two processors, four cases"
-    local = make_local(project, tmp_path / "local")
+    assert {"waiting", "queued", "running", "converged"} <= seen, "two processors, three cases"
+    assert beside.wait(PATIENCE) == 0, said(local)
     here, there = (xr.load_dataset(p.folder / "results/studies/tiny/study.nc").drop_vars(TIMES) for p in (local, project))
     for dataset in (here, there):
         dataset.attrs.pop("git_commit", None)  # someone may commit meanwhile
@@ -199,19 +234,8 @@ def test_a_sweep_on_slurm_gives_what_a_local_one_gives_and_is_seen_meanwhile(tin
     assert list(Results(project.folder / "results").slurm_logs.rglob("*.log")) == []
 
 
-def make_local(project, folder):
-    """The same project, solved on this machine."""
-    folder.mkdir()
-    local = make_project(folder)
-    for file in ("config.yaml", "studies/tiny.yaml"):
-        (local.folder / "config" / file).write_text((project.folder / "config" / file).read_text())
-    done = local.snakemake("tiny")
-    assert done.returncode == 0, done.stdout + done.stderr
-    return local
-
-
 def test_twenty_cases_with_a_stand_in_for_the_solve(cluster, quick, tmp_path):
-    rows = {row["what"]: row["value"] for row in measure_sweep(tmp_path / "many", 20, ROOT, quick, 4)}
+    rows = {row["what"]: row["value"] for row in measure_sweep(tmp_path / "many", 20, ROOT, quick, 4, 0.1)}
     assert rows.keys() < WORDS.keys()
     found = [read_json(file) for file in (tmp_path / "many/results/cases").glob("*/status.json")]
     assert len(found) == 20
@@ -225,23 +249,21 @@ def test_twenty_cases_with_a_stand_in_for_the_solve(cluster, quick, tmp_path):
 
 
 def test_too_much_memory_and_a_cancelled_job_are_tried_again_with_more(tiny, quick):
-    project = tiny((2, 4))
-    with ended(start(project, quick, "--set-resources", "solve_case:mem_mb=330*attempt**2"), project) as sweep:
+    project = tiny(2)
+    more = ("--retries", "2", "--set-resources", "solve_case:mem_mb=200*attempt**3")
+    with ended(start(project, quick, *more), project) as sweep:
+        first = wait_for(lambda: all_submitted(project, 2, False) and numbers(project), lambda: said(project))
+        second = wait_for(lambda: numbers(project) - first, lambda: said(project))
+        assert "Trying to restart" in said(project), "200 MiB are too little"
+        subprocess.run(["scancel", second.pop()], check=True)
         assert sweep.wait(PATIENCE) == 0, said(project)
-    assert "Trying to restart" in said(project)
-    assert {status["status"] for status in statuses(project).values()} == {"converged"}
-    (project.folder / "results/studies/tiny/study.nc").unlink()
-    project.study("tiny", actuation_pressure_max=6.0)
-    with ended(start(project, quick), project) as sweep:
-        number = next(iter(wait_for(lambda: cases_with_jobs(project), lambda: said(project)).values()))
-        subprocess.run(["scancel", number], check=True)
-        assert sweep.wait(PATIENCE) == 0, said(project)
-    assert "Trying to restart" in said(project)
+    assert said(project).count("Trying to restart") == 3
     finishes(project, quick, statuses(project))
 
 
+@pytest.mark.usefixtures(*["unseen"] * (os.geteuid() == 0))
 def test_a_case_beyond_its_time_fails_alone_and_is_solved_by_the_next_sweep(tiny, quick, capsys):
-    project = tiny((2, 4))
+    project = tiny(2)
     with ended(start(project, quick, "--retries", "0"), project) as sweep:
         wait_for(lambda: len(solvers(project)) > 0, lambda: said(project))
         victim, pid = next(iter(solvers(project).items()))
@@ -267,8 +289,8 @@ def solvers(project) -> dict[str, int]:
     return found
 
 
-def test_ctrl_c_ends_all_jobs_and_those_of_a_killed_sweep_can_be_cancelled(tiny, quick):
-    project = tiny((2, 4, 6))
+def test_ctrl_c_ends_all_jobs_and_those_of_a_killed_sweep_can_be_cancelled(tiny, quick, capsys):
+    project = tiny(3)
     with ended(start(project, quick), project) as sweep:
         wait_for(lambda: all_submitted(project, 3), lambda: said(project))
         os.killpg(sweep.pid, signal.SIGINT)
@@ -279,47 +301,41 @@ def test_ctrl_c_ends_all_jobs_and_those_of_a_killed_sweep_can_be_cancelled(tiny,
         wait_for(lambda: cases_with_jobs(project), lambda: said(project))
         os.killpg(sweep.pid, signal.SIGKILL)
         sweep.wait()
-        assert main(["jobs", "cancel"]) == 0
-        assert not slurm_room.jobs_of(project.folder)
+        with ended(limo_sweep(project, "--left", "cancel"), project) as again:
+            assert again.wait(PATIENCE) == 0, said(project)
+    assert re.search("[1-3] jobs were cancelled", said(project))
+    assert "Solve limo_np" in sweep_log(project)
+    assert main(["jobs", "cancel"]) == 0
+    assert "0 jobs were cancelled" in capsys.readouterr().out
     finishes(project, quick, before)
 
 
 def test_after_kill_9_no_case_is_solved_twice(tiny, quick, capsys):
-    project = tiny((2, 4, 6))
+    project = tiny(3)
     with ended(start(project, quick), project) as sweep:
         wait_for(lambda: all_submitted(project, 3), lambda: said(project))
         os.killpg(sweep.pid, signal.SIGKILL)
         sweep.wait()
-        left = slurm_room.jobs_of(project.folder)
-        assert len(left) == 3, "Slurm's jobs run on"
+        assert len(slurm_room.jobs_of(project.folder)) == 3, "Slurm's jobs run on"
         for refused in (project.snakemake("tiny", "--workflow-profile", str(quick), cores=None), project.snakemake("tiny")):
             assert refused.returncode != 0
             assert "`limo jobs adopt` waits for their results" in refused.stdout + refused.stderr
         assert main(["jobs"]) == 0
         assert "jobs wait or run" in capsys.readouterr().out
         assert set(look(capsys, "tiny").values()) <= {"queued", "running", "converged"}
-        assert main(["jobs", "adopt"]) == 0
-    solved = statuses(project)
-    assert len(solved) == 3
-    finishes(project, quick, solved)
-
-
-@pytest.mark.parametrize(
-    ("left", "says", "solved_again"),
-    [("cancel", "1 jobs were cancelled", True), ("adopt", "1 jobs have ended; their results count", False)],
-)
-def test_the_next_sweep_cancels_or_adopts_the_jobs_that_a_killed_one_left(tiny, quick, left, says, solved_again):
-    project = tiny((2,))
-    with ended(start(project, quick), project) as sweep:
-        wait_for(lambda: cases_with_jobs(project), lambda: said(project))
-        os.killpg(sweep.pid, signal.SIGKILL)
-        sweep.wait()
-        with ended(limo_sweep(project, "--left", left), project) as again:
+        with ended(limo_sweep(project, "--left", "adopt"), project) as again:
             assert again.wait(PATIENCE) == 0, said(project)
-    assert says in said(project)
-    log = (project.folder / "results" / LOG).read_text()
-    assert ("Solve limo_np2" in log, "Gather tiny" in log) == (solved_again, True)
-    assert {status["status"] for status in statuses(project).values()} == {"converged"}
+    assert "jobs have ended; their results count" in said(project)
+    log = sweep_log(project)
+    assert ("Solve limo_np" in log, "Gather tiny" in log) == (False, True)
+    assert len(statuses(project)) == 3
+    assert main(["jobs", "adopt"]) == 0
+    finishes(project, quick, statuses(project))
+
+
+def sweep_log(project) -> str:
+    """What Snakemake said below `limo sweep`."""
+    return (project.folder / "results" / LOG).read_text()
 
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -336,7 +352,7 @@ def test_the_next_sweep_cancels_or_adopts_the_jobs_that_a_killed_one_left(tiny, 
     ],
 )
 def test_what_would_end_a_thousand_jobs_is_one_message(tiny, quick, options, says, study):
-    project = tiny((2,), **study)
+    project = tiny(1, **study)
     done = project.snakemake("tiny", "--workflow-profile", str(quick), *options, cores=None)
     assert done.returncode != 0
     assert all(text in done.stderr + done.stdout for text in says), done.stderr
@@ -345,32 +361,39 @@ def test_what_would_end_a_thousand_jobs_is_one_message(tiny, quick, options, say
 
 
 def test_without_sbatch_it_is_one_message(tiny, monkeypatch, capsys):
-    tiny((2,))
+    tiny(1)
     monkeypatch.setenv("PATH", str(Path(sys.executable).parent))
     assert main(["sweep", "--on", "slurm", "tiny"]) == 1
     assert "sbatch: no such program here" in capsys.readouterr().err
 
 
-@pytest.mark.skipif(os.geteuid() != 0, reason="a folder is hidden from the node by root only")
-def test_a_folder_that_the_node_does_not_see_is_one_message(tiny, quick, cluster):
-    folder = cluster / "project"
-    folder.mkdir()
-    project = tiny((2,), folder)
-    done = project.snakemake("tiny", "--workflow-profile", str(quick), cores=None)
-    assert done.returncode != 0
-    assert "is not shared with the nodes" in done.stderr + done.stdout
-    assert "has been submitted" not in done.stderr + done.stdout
-
-
-@pytest.mark.skipif(os.geteuid() != 0, reason="a build is hidden from the node by root only")
-def test_a_build_that_the_node_does_not_have_is_one_message(tiny, quick, cluster):
-    ccx = cluster / "ccx"
-    ccx.write_text("#!/bin/sh\necho Version 2.20\n")
+@pytest.mark.parametrize(
+    ("lines", "says"),
+    [
+        pytest.param(
+            "echo Version 2.20", "solver.command",
+            marks=pytest.mark.skipif(os.geteuid() != 0, reason="a build is hidden from the node by root only"),
+        ),
+        ('[ "$1" != -v ] && kill -s ILL $$; echo Version 2.20', "calculix does not iterate here (crashed: ended by signal 4)"),
+    ],
+    ids=["hidden", "signal"],
+)  # fmt: skip
+def test_a_build_that_does_not_run_on_the_node_is_one_message(tiny, quick, cluster, tmp_path, lines, says):
+    ccx = (cluster if says == "solver.command" else tmp_path) / "ccx"
+    ccx.write_text(f"#!/bin/sh\n{lines}\n")
     ccx.chmod(0o755)
-    project = tiny((2,))
+    project = tiny(1)
     project.edit("config.yaml", lambda d: d.update(engine="calculix", solver={"command": str(ccx)}))
     done = project.snakemake("tiny", "--workflow-profile", str(quick), cores=None)
     assert done.returncode != 0
-    assert "solver.command" in done.stderr + done.stdout
+    assert says in done.stderr + done.stdout
     assert "node " in done.stderr + done.stdout
     assert "has been submitted" not in done.stderr + done.stdout
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="a folder is hidden from the node by root only")
+def test_a_folder_that_the_node_does_not_see_is_one_message(unseen):
+    project, sweep = unseen
+    assert sweep.wait(PATIENCE) != 0
+    assert "is not shared with the nodes" in said(project)
+    assert "has been submitted" not in said(project)

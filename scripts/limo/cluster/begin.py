@@ -36,6 +36,7 @@ def begin_sweep(workflow: Any, project: Project, plan: Plan) -> None:
     file = hand(plan, project.builds)
     if workflow.executor_plugin.name != SLURM:
         return
+    _ask_evenly(workflow)
     asked = asked_of(list(workflow.dag.needrun_jobs()))
     check_slurm(asked)
     if any(one.rule == "solve_case" for one in asked):
@@ -56,3 +57,14 @@ def _without_rate(workflow: Any) -> None:
     asked = workflow.scheduling_settings.max_jobs_per_timespan
     if asked and (asked.max_jobs, asked.timespan) == _DEFAULT_RATE:
         workflow.scheduler.job_rate_limiter = None
+
+
+def _ask_evenly(workflow: Any) -> None:
+    """Have Slurm asked for its jobs as often as the profile says.
+
+    The plugin waits 10 s longer after each question without news, up to 180 s, and Ctrl-C and the last dataset wait with it.
+    """
+    executor = workflow.scheduler._executor
+    if seconds := getattr(workflow.executor_settings, "init_seconds_before_status_checks", None):
+        even = property(lambda self: seconds, lambda self, longer: None)
+        executor.__class__ = type("EvenlyAsking", (type(executor),), {"next_seconds_between_status_checks": even})
