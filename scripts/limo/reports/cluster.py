@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import resource
 import shutil
 import statistics
@@ -48,6 +49,10 @@ WORDS = {
     "status_cpu": "`limo status`, CPU time",
     "gather_time": "gathering",
     "gather_memory": "gathering, memory",
+    "page_time": "page of results",
+    "page_memory": "page of results, memory",
+    "page_size": "page of results, size",
+    "page_left_out": "cases that its 3D view leaves out, and says so",
 }
 #: the most that each may take, in its unit
 BOUNDS = {
@@ -158,9 +163,12 @@ def measure_many(folder: Path, cases: int, root: Path, profile: Path, runs: int 
     pretend(folder, plan, solved)
     status = [sys.executable, "-m", "limo.terminal.cli", "status"]
     looks = [_times(lambda: _run(status, folder, _with_package(environment, root))) for _ in range(runs)]
-    gather = f"import limo.reports.cluster as c; print(c.gather({STUDY!r}))"
-    said = _run([sys.executable, "-c", gather], folder, _with_package(environment, root))
-    seconds, memory = map(float, said.split()[-2:])
+    done = []
+    for task in ("gather", "page"):
+        code = f"import limo.reports.cluster as c; print(c.{task}({STUDY!r}))"
+        said = _run([sys.executable, "-c", code], folder, _with_package(environment, root)).splitlines()[-1]
+        done.append([float(number) for number in said.split()])
+    (seconds, memory), (page_seconds, page_memory, size, shown) = done
     before, here = statistics.median(local), statistics.median(cluster)
     return [
         row("dry_run_local", cases, before, "s CPU", runs),
@@ -170,6 +178,10 @@ def measure_many(folder: Path, cases: int, root: Path, profile: Path, runs: int 
         row("status_cpu", cases, statistics.median(cpu for _, cpu in looks), "s CPU", runs),
         row("gather_time", cases, seconds, "s"),
         row("gather_memory", cases, memory, "MiB"),
+        row("page_time", cases, page_seconds, "s"),
+        row("page_memory", cases, page_memory, "MiB"),
+        row("page_size", cases, size, "MB"),
+        row("page_left_out", cases, cases - shown, ""),
     ]
 
 
@@ -183,7 +195,23 @@ def gather(study: str) -> str:
     plan = make_plan(project)
     dataset = gather_study(project, study, Path("results/cases"), plan.sources(study))
     write_netcdf(dataset, Results(Path("results")).study(study).dataset, checked=False)
-    return f"{time.monotonic() - start:.2f} {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.1f}"
+    return f"{time.monotonic() - start:.2f} {_most_memory():.1f}"
+
+
+def page(study: str) -> str:
+    """Write the page of a gathered study, in this process: wall time in s, peak memory in MiB, MB, cases in its 3D view."""
+    from limo.page.write import write_page
+
+    start = time.monotonic()
+    project = open_project("config/config.yaml")
+    said = write_page(Path("results"), {study: project.studies[study]})
+    cases, size = re.search(r"(\d+) cases in three dimensions, ([\d.]+) MB", said).groups()
+    return f"{time.monotonic() - start:.2f} {_most_memory():.1f} {size} {cases}"
+
+
+def _most_memory() -> float:
+    """Peak memory of this process in MiB."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
 def row(what: str, cases: int, value: float, unit: str, runs: int = 1, bound: float | None = None) -> dict[str, Any]:
