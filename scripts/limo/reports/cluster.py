@@ -129,7 +129,7 @@ def measure_sweep(folder: Path, cases: int, root: Path, profile: Path, jobs: int
 
     A solve takes so many ``seconds``.
     """
-    plan, solved = _prepared(folder, cases, root, 5.0)
+    plan, solved = _prepared(folder, cases, root, 10.0)
     environment = stand_in.install(folder / "stand_in", solved, seconds)
     start = time.monotonic()
     with watched(folder) as seen:
