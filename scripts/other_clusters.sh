@@ -7,7 +7,7 @@ set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
 readonly STUDY=${1:-afterload} PYTHON=.venv/bin/python
-readonly PLUGINS=(lsf==0.3.3 kubernetes==0.5.2 googlebatch==0.6.0) STORAGE=snakemake-storage-plugin-fs==1.1.2
+readonly PLUGINS=(lsf==0.3.3 kubernetes==0.5.1 googlebatch==0.5.1) STORAGE=snakemake-storage-plugin-fs==1.1.2
 
 FOLDER=$(mktemp -d)
 trap 'rm -rf "$FOLDER"' EXIT
