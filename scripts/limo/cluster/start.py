@@ -1,6 +1,6 @@
 """What is looked at before the first job is submitted: each thing that would fail a thousand jobs is one message.
 
-``check_start`` is called by Snakemake when it knows all its jobs and has submitted none.
+``begin.begin_sweep`` calls it when Snakemake knows all its jobs and has submitted none.
 """
 
 from __future__ import annotations
