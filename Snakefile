@@ -19,7 +19,7 @@ from limo.cases.cost import plan_costs, ranks
 from limo.cases.plan import make_plan
 from limo.checkout import check_archive, check_folder, check_results
 from limo.cluster.handed import handed
-from limo.cluster.resources import script_memory, script_minutes, solve_memory, solve_minutes
+from limo.cluster.requests import Requests
 from limo.config.builds import engines_of, with_found_builds
 from limo.config.load import load_config
 from limo.config.targets import asked_studies

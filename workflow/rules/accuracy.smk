@@ -126,8 +126,8 @@ rule time_case:
         "../envs/limo.yaml"
     threads: PROJECT.config.solver.threads
     resources:
-        mem_mb=memory_to_solve,
-        runtime=minutes_to_time,
+        mem_mb=REQUESTS.memory_to_solve,
+        runtime=REQUESTS.minutes_to_time,
     params:
         case=case_to_solve,
     message:

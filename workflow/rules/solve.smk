@@ -16,9 +16,9 @@ rule solve_case:
         "../envs/limo.yaml"
     threads: PROJECT.config.solver.threads
     resources:
-        mem_mb=memory_to_solve,
-        runtime=minutes_to_solve,
-        predicted_seconds=predicted_seconds,
+        mem_mb=REQUESTS.memory_to_solve,
+        runtime=REQUESTS.minutes_to_solve,
+        predicted_seconds=REQUESTS.seconds_to_solve,
         attempt_seconds=lambda wildcards: attempt_seconds(wildcards.case),
     params:
         case=case_to_solve,
