@@ -77,13 +77,16 @@ class Sweep:
         every = list(plan.cases)
         self.cluster = ""  # why a cluster that is here does not answer
         self._asked, self._known = -ASK_EVERY, {}
+        # a moment ago, so the first look need not read all files again
+        self._read = {name: solved for name, solved in plan.solved.items() if solved.status.status in ENDED}
         self.predicted = dict(zip(every, predict(plan.cases.values(), plan.solved.values()), strict=True))
 
     def look(self) -> list[CaseStatus]:
         """The cases of the studies in their order, then those of other studies that someone is solving."""
         jobs, logs = self._jobs(), slurm.logs_of(self.results.slurm_logs)
         begun = [n for n in self.others if n in jobs or solving_since(self.results.case(n).folder) is not None]
-        return [self._case(name, jobs.get(name), logs.get(name)) for name in (*self.named, *begun)]
+        read, self._read = self._read, {}
+        return [self._case(name, jobs.get(name), logs.get(name), read.get(name)) for name in (*self.named, *begun)]
 
     def _jobs(self) -> dict[str, slurm.Job]:
         """The jobs of cases on a cluster by case; none where there is no cluster, or it does not answer."""
@@ -97,8 +100,8 @@ class Sweep:
             self._asked = time.monotonic()
         return self._known
 
-    def _case(self, name: str, job: slurm.Job | None, log: Path | None) -> CaseStatus:
-        status = case_status(self.plan.cases[name], self.results.case(name).folder, self.predicted[name], job, log)
+    def _case(self, name: str, job: slurm.Job | None, log: Path | None, read: Solved | None) -> CaseStatus:
+        status = case_status(self.plan.cases[name], self.results.case(name).folder, self.predicted[name], job, log, read)
         return replace(status, variant=self.variants.get(name, ""))
 
     def totals(self, statuses: Sequence[CaseStatus]) -> dict[str, Any]:
@@ -128,15 +131,21 @@ def open_sweep(config_file: str, studies: Sequence[str], results: Path, cores: i
 
 
 def case_status(
-    case: Case, folder: Path, predicted: float | None = None, job: slurm.Job | None = None, log: Path | None = None
+    case: Case,
+    folder: Path,
+    predicted: float | None = None,
+    job: slurm.Job | None = None,
+    log: Path | None = None,
+    read: Solved | None = None,
 ) -> CaseStatus:
     """Where one case is.
 
-    ``predicted``: the time (s) that a solve of it should take; ``job``: its job on a cluster, ``log`` of its last one there.
+    ``predicted``: the time (s) that a solve of it should take; ``job``: its job on a cluster, ``log`` of its last one there;
+    ``read``: what was just read of it, if it was sound.
     """
     name, maximum, files = case.case_id, case.actuation_pressure_max, CaseFiles(folder)
-    since, ended = solving_since(folder), read_ended(folder)
-    damaged = ended is not None and not is_sound(files, ended.described, ended.status)
+    since, ended = solving_since(folder), read or read_ended(folder)
+    damaged = read is None and ended is not None and not is_sound(files, ended.described, ended.status)
     if since is None and ended is not None and not damaged and fits(ended, case):
         return ended_status(name, ended.status, maximum)
     if job is not None and job.is_queued:
