@@ -66,15 +66,16 @@ _TICK = os.sysconf("SC_CLK_TCK")
 # the study
 
 
-def make_folder(folder: Path, cases: int, root: Path, pressure: float) -> None:
-    """A folder with the project's configuration and a study of so many cases, a multiple of 4, of very coarse devices.
+def make_folder(folder: Path, cases: int, root: Path, pouches: Sequence[int], pressure: float) -> None:
+    """A folder with the project's configuration and a study of so many cases of very coarse devices.
 
-    They are inflated up to a ``pressure`` in kPa.
+    They are as many for each number of ``pouches``, and are inflated up to a ``pressure`` in kPa.
     """
     shutil.copytree(root / "config", folder / "config")
     for study in (folder / "config" / "studies").iterdir():
         study.unlink()
-    axes = {"n_pouches": [4, 6, 8, 10], "ventricular_pressure": [round(3 + 0.02 * k, 2) for k in range(cases // 4)]}
+    pressures = [round(3 + 0.02 * k * len(pouches) / 4, 3) for k in range(cases // len(pouches))]
+    axes = {"n_pouches": [*pouches], "ventricular_pressure": pressures}
     study = {"description": "many cases", "axes": axes, "actuation_pressure_max": pressure, "figures": [], "outputs": ["volumes"]}
     (folder / "config" / "studies" / f"{STUDY}.yaml").write_text(yaml.safe_dump(study), encoding="utf-8")
     file = folder / "config" / "config.yaml"
@@ -129,7 +130,7 @@ def measure_sweep(folder: Path, cases: int, root: Path, profile: Path, jobs: int
 
     A solve takes so many ``seconds``.
     """
-    plan, solved = _prepared(folder, cases, root, 10.0)
+    plan, solved = _prepared(folder, cases, root, [4], 10.0)
     environment = stand_in.install(folder / "stand_in", solved, seconds)
     start = time.monotonic()
     with watched(folder) as seen:
@@ -152,7 +153,7 @@ def measure_sweep(folder: Path, cases: int, root: Path, profile: Path, jobs: int
 
 def measure_many(folder: Path, cases: int, root: Path, profile: Path, runs: int = 3) -> list[dict[str, Any]]:
     """Plan a sweep of so many cases, look at it when all is solved, and gather it."""
-    plan, solved = _prepared(folder, cases, root, 30.0)
+    plan, solved = _prepared(folder, cases, root, [4, 6, 8, 10], 30.0)
     snakefile, environment = root / "Snakefile", dict(os.environ)
     local, cluster = [], []
     for _ in range(runs):  # in turns: a busy machine burdens both
@@ -221,8 +222,8 @@ def row(what: str, cases: int, value: float, unit: str, runs: int = 1, bound: fl
     return {"what": what, "cases": cases, "value": shown, "unit": unit, "bound": bound, "runs": runs, "machine": processor()}
 
 
-def _prepared(folder: Path, cases: int, root: Path, pressure: float) -> tuple[Plan, Path]:
-    make_folder(folder, cases, root, pressure)
+def _prepared(folder: Path, cases: int, root: Path, pouches: Sequence[int], pressure: float) -> tuple[Plan, Path]:
+    make_folder(folder, cases, root, pouches, pressure)
     before = Path.cwd()
     os.chdir(folder)  # a plan is one of the folder in which it is made
     try:
