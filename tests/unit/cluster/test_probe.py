@@ -14,7 +14,7 @@ from tests.helpers.cases import configured, study
 @pytest.fixture
 def answer(loaded, tmp_path, monkeypatch):
     """``answer(lines)``: what the job says is lacking on a node where ccx is a shell script of these lines."""
-    monkeypatch.delenv("LIMO_PLAN", raising=False)
+    monkeypatch.setenv("LIMO_PLAN", "")  # so that it is as it was in the end, whatever ``hand`` makes of it
 
     def make(lines: str, planned: str = "") -> str:
         ccx = tmp_path / "ccx"
@@ -29,8 +29,7 @@ def answer(loaded, tmp_path, monkeypatch):
         answer_request(tmp_path / "ask.json", file)
         return read_json(tmp_path / "answer.json")["lacks"]
 
-    yield make
-    monkeypatch.delenv("LIMO_PLAN", raising=False)
+    return make
 
 
 def test_a_build_for_another_processor_is_noticed_by_its_signal(answer):
