@@ -13,7 +13,7 @@ export PATH := $(CURDIR)/$(BIN):$(PATH)
 # Set-up is redone when its inputs are newer than the stamp, or when .venv was removed.
 ABSENT := $(if $(wildcard $(BIN)/limo),,absent)
 
-.PHONY: help setup ccx-tuned sweep test lint format benchmark performance accuracy standard docs schemas lock clean-setup absent
+.PHONY: help setup cluster ccx-tuned sweep test lint format benchmark performance accuracy standard docs schemas lock clean-setup absent
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -24,6 +24,13 @@ $(STAMP): pyproject.toml requirements.lock scripts/setup.sh scripts/system_packa
 	@bash scripts/setup.sh
 	@mkdir -p $(@D) && touch $@
 
+CLUSTER := .local/cluster.done
+cluster: $(CLUSTER) ## add what sweeps on a Slurm cluster need (docs/cluster.md)
+
+$(CLUSTER): $(STAMP) requirements-cluster.lock scripts/cluster.sh
+	@bash scripts/cluster.sh
+	@touch $@
+
 ccx-tuned: setup ## build CalculiX for this processor (set-up tries it, too; here a failure is an error)
 	@bash scripts/ccx/build.sh
 
@@ -31,8 +38,9 @@ sweep: setup ## solve the pressure-volume study, print its table and draw its fi
 	@$(BIN)/limo sweep pressure_volume --cores $(CORES); code=$$?; \
 		[ $$code -ne 0 -a $$code -ne 3 ] || $(BIN)/limo table results/studies/pressure_volume/study.nc; exit $$code
 
-test: setup lint ## lint, then run every test
+test: setup lint cluster ## lint, then run every test
 	@bash scripts/browser.sh
+	@bash scripts/slurm.sh install
 	@OMP_NUM_THREADS=1 $(BIN)/pytest --numprocesses $$(($(CORES) + 1)) --dist loadscope --no-loadscope-reorder
 
 lint: setup ## check style of Python and Snakemake files
@@ -87,6 +95,11 @@ lock: ## write requirements.lock anew from pyproject.toml (delete it first to re
 	@.local/lock/bin/python -m pip install --quiet --disable-pip-version-check uv
 	@.local/lock/bin/uv pip compile --quiet --universal --generate-hashes --python-version 3.11 --extra dev \
 		--no-annotate --no-emit-index-url --custom-compile-command 'make lock' --output-file requirements.lock pyproject.toml
+	@.local/lock/bin/uv pip compile --quiet --universal --generate-hashes --python-version 3.11 --extra cluster \
+		--constraints requirements.lock --no-header --no-annotate --no-emit-index-url --output-file .local/lock/all pyproject.toml
+	@{ echo '# By `make lock`: what sweeps on a cluster need besides requirements.lock.'; \
+		awk 'NR == FNR {if (/^[^ #]/) seen[$$1]; next} /^[^ ]/ {on = !($$1 in seen)} on' requirements.lock .local/lock/all; \
+		} >requirements-cluster.lock
 	@rm -rf .local/lock
 
 clean-setup: ## remove what `make setup` made in this folder

@@ -18,6 +18,8 @@ from limo.cases.case import engine_code, solve_code
 from limo.cases.cost import plan_costs, ranks
 from limo.cases.plan import make_plan
 from limo.checkout import check_archive, check_folder, check_results
+from limo.cluster.handed import handed
+from limo.cluster.requests import Requests
 from limo.config.builds import engines_of, with_found_builds
 from limo.config.load import load_config
 from limo.config.targets import asked_studies
@@ -75,7 +77,9 @@ except LimoError as error:
     raise WorkflowError(str(error)) from None
 
 SWEEP = enter_sweep(RESULTS.root, Path(".snakemake/locks")) if workflow.is_main_process else None
-PLAN = make_plan(PROJECT)
+# jobs on a cluster are handed the plan of the process that submitted them
+HANDED = None if workflow.is_main_process else handed()
+PLAN = HANDED.plan if HANDED else make_plan(PROJECT)
 RENDERER_LACKS = renderer_lacks()
 if workflow.is_main_process:
     for warning in PROJECT.warnings:
@@ -91,6 +95,7 @@ config["solving"] = {
 
 
 include: "workflow/rules/common.smk"
+include: "workflow/rules/cluster.smk"
 
 
 # short patterns: Snakemake puts them into every path it compares, and a thousand names would take it seconds
@@ -101,6 +106,35 @@ wildcard_constraints:
     airbag="|".join(PROJECT.airbags) or "none",
     run=r"\w+",
     figure=r"[a-z_]+",
+
+
+# seconds each, so not worth a job on a cluster; its profile puts the rules of a case into one
+localrules:
+    mesh_device,
+    export_study,
+    gather_airbag,
+    draw_airbag,
+    keep_airbags,
+    keep_runs,
+    draw_accuracy,
+    fit_material,
+    check_paper,
+
+
+# A job of a cluster is a Snakemake already: what is local to it runs there, all else in one more Snakemake for each rule.
+if not workflow.is_main_process:
+
+    localrules:
+        solve_case,
+        measure_case,
+        write_fields,
+        gather_study,
+        gather_shapes,
+        draw_figure,
+
+
+onstart:
+    begin()
 
 
 include: "workflow/rules/mesh.smk"

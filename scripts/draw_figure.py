@@ -19,7 +19,9 @@ with logged(snakemake.log[0]):  # noqa: F821
         measured = read(load_config(snakemake.config["file"]), snakemake.wildcards.study).table  # noqa: F821
     files = [snakemake.input.dataset, *([snakemake.input.shapes] if snakemake.input.shapes else [])]  # noqa: F821
     datasets = [xr.load_dataset(file) for file in files]
-    figure = module.draw(datasets[0], measured, *datasets[1:])
+    shown, note = style.shown_cases(datasets[0])
+    figure = module.draw(shown, measured, *datasets[1:])
+    style.note_above(figure, note)
     for output in snakemake.output:  # noqa: F821
         write_whole(Path(output), lambda path: style.save(figure, path))
     style.close(figure)

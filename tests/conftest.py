@@ -37,6 +37,7 @@ TOGETHER = (
     "workflow/test_bench_tutorial.py",
     "workflow/test_page.py",
     "workflow/test_paths.py",
+    "workflow/test_slurm.py",
     "physics/test_recovery.py",
     "physics/test_stress.py",
 )

@@ -31,3 +31,7 @@ class SolverNotFoundError(LimoError):
 
 class ResultError(LimoError):
     """A result file that is missing, truncated, or not what its name says."""
+
+
+class ClusterError(LimoError):
+    """A cluster that is not there, refuses, or does not have what a sweep needs."""

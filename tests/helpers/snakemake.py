@@ -91,7 +91,8 @@ def _ask(words: list[str], folder: Path, files: list[Path], code: Path | None = 
 @cache
 def _server() -> subprocess.Popen[str]:
     """The process that forks; it ends when its input does, that is with the tests."""
-    command = [sys.executable, "-m", "tests.helpers.snakemake"]
+    # the last word lets it see the plugin that submits to a cluster (scripts/cluster.sh)
+    command = [sys.executable, "-m", "tests.helpers.snakemake", "--executor"]
     return subprocess.Popen(command, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
 
 

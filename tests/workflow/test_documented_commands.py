@@ -45,6 +45,7 @@ REPLACEMENTS = {
     "limo check --draw": "limo check --draw svg",
     "limo check pressure_volume --draw svg --mesh": "limo check kinematics --draw svg --mesh",
     "limo status --watch": "limo status pressure_volume",
+    "limo jobs": "limo status pressure_volume",
     "limo show np6": "limo show np4",
     "limo show np6 --picture": "limo show np4 --picture",
     "limo show np6 pv3.8 --at 10 20 30 --picture": "limo show np4 pv3.8 --at 5 10 --picture",
@@ -88,6 +89,7 @@ def reader(solved, tmp_path_factory):
     folder = tmp_path_factory.mktemp("reader")
     shutil.copytree(ROOT / "config", folder / "config")
     shutil.copytree(ROOT / "docs", folder / "docs")
+    shutil.copytree(ROOT / "workflow/profiles", folder / "workflow/profiles")
     shutil.copytree(solved.folder / "results", folder / "results")
     (folder / "results/studies/tiny").rename(folder / "results/studies/pressure_volume")
     return folder

@@ -17,14 +17,14 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 ROOT = Path(__file__).parents[2]
-LOCK = ROOT / "requirements.lock"
+LOCK, CLUSTER = ROOT / "requirements.lock", ROOT / "requirements-cluster.lock"
 PYTHONS = ("3.11", "3.12", "3.13")
 
 
 def locked() -> dict[str, list[Requirement]]:
-    """Pins of the lock by canonical name; one name may have a pin for each of several markers."""
+    """Pins of both locks by canonical name; one name may have a pin for each of several markers."""
     pins: dict[str, list[Requirement]] = {}
-    for line in LOCK.read_text().splitlines():
+    for line in (LOCK.read_text() + CLUSTER.read_text()).splitlines():
         if re.match(r"[A-Za-z0-9]", line):
             pin = Requirement(line.removesuffix("\\"))
             pins.setdefault(canonicalize_name(pin.name), []).append(pin)
@@ -32,9 +32,10 @@ def locked() -> dict[str, list[Requirement]]:
 
 
 def asked() -> list[Requirement]:
-    """Dependencies of the project and of its ``dev`` extra."""
+    """Dependencies of the project and of its extras."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    return [Requirement(line) for line in project["dependencies"] + project["optional-dependencies"]["dev"]]
+    extras = [line for lines in project["optional-dependencies"].values() for line in lines]
+    return [Requirement(line) for line in project["dependencies"] + extras]
 
 
 @pytest.mark.parametrize("python", PYTHONS)
@@ -57,13 +58,13 @@ def test_lock_pins_every_dependency_once(python):
 
 
 def test_every_pin_has_a_hash():
-    text = LOCK.read_text()
+    text = LOCK.read_text() + CLUSTER.read_text()
     for entry in re.findall(r"^[A-Za-z0-9].*(?:\n +.*)*", text, flags=re.MULTILINE):
         assert "--hash=sha256:" in entry, entry
 
 
 def test_lock_names_no_server_and_no_folder():
-    for line in LOCK.read_text().splitlines():
+    for line in (LOCK.read_text() + CLUSTER.read_text()).splitlines():
         assert not re.search(r"/|--(extra-)?index-url|--find-links|file:", line), line
 
 

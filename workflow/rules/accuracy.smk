@@ -6,6 +6,9 @@ rule solve_airbag:
     conda:
         "../envs/limo.yaml"
     threads: PROJECT.config.solver.threads
+    resources:
+        mem_mb=memory_of("solve_airbag"),
+        runtime=minutes_of("solve_airbag"),
     params:
         content=airbag_content,
         code=lambda wildcards: code_digest("solve_airbag", engine_code(airbag_run(wildcards).engine, "inflate")),
@@ -24,6 +27,9 @@ rule gather_airbag:
         RESULTS.log("gather_airbag", "{airbag}"),
     conda:
         "../envs/limo.yaml"
+    resources:
+        mem_mb=memory_of("gather_airbag"),
+        runtime=minutes_of("gather_airbag"),
     params:
         content=lambda wildcards: PROJECT.airbags[wildcards.airbag].model_dump(mode="json"),
         code=code_digest("gather_airbag"),
@@ -51,6 +57,9 @@ rule draw_airbag:
         figure="|".join(AIRBAG_FIGURES),
     conda:
         "../envs/limo.yaml"
+    resources:
+        mem_mb=memory_of("draw_airbag"),
+        runtime=minutes_of("draw_airbag"),
     params:
         caption=caption,
         code=figure_code,
@@ -69,6 +78,9 @@ rule keep_airbags:
         "results/logs/keep_airbags.log",
     conda:
         "../envs/limo.yaml"
+    resources:
+        mem_mb=memory_of("keep_airbags"),
+        runtime=minutes_of("keep_airbags"),
     params:
         code=code_digest("keep_airbags"),
     message:
@@ -91,6 +103,9 @@ rule keep_runs:
         study="|".join(KEPT_STUDIES) or "none",
     conda:
         "../envs/limo.yaml"
+    resources:
+        mem_mb=memory_of("keep_runs"),
+        runtime=minutes_of("keep_runs"),
     params:
         sources=lambda wildcards: PLAN.serving(wildcards.study),
     message:
@@ -111,6 +126,9 @@ rule time_case:
     conda:
         "../envs/limo.yaml"
     threads: PROJECT.config.solver.threads
+    resources:
+        mem_mb=REQUESTS.memory_to_solve,
+        runtime=REQUESTS.minutes_to_time,
     params:
         case=case_to_solve,
     message:
@@ -130,6 +148,9 @@ rule measure_scaling:
     conda:
         "../envs/limo.yaml"
     threads: 4096
+    resources:
+        mem_mb=memory_of("measure_scaling"),
+        runtime=minutes_of("measure_scaling"),
     params:
         content=scaling_content,
         code=lambda wildcards: code_digest("measure_scaling", engine_code(wildcards.engine, "sample")),
@@ -149,6 +170,9 @@ rule gather_accuracy:
         "results/logs/gather_accuracy.log",
     conda:
         "../envs/limo.yaml"
+    resources:
+        mem_mb=memory_of("gather_accuracy"),
+        runtime=minutes_of("gather_accuracy"),
     params:
         sources=lambda wildcards: {name: PLAN.serving(name) for name in ERROR_STUDIES},
         presets=digest({name: preset.model_dump(mode="json") for name, preset in PROJECT.config.presets.items()}),
@@ -177,6 +201,9 @@ rule draw_accuracy:
         figure="|".join(DEVICE_FIGURES),
     conda:
         "../envs/limo.yaml"
+    resources:
+        mem_mb=memory_of("draw_accuracy"),
+        runtime=minutes_of("draw_accuracy"),
     params:
         caption=caption,
         code=figure_code,

@@ -8,6 +8,9 @@ rule gather_study:
         RESULTS.log("gather_study", "{study}"),
     conda:
         "../envs/limo.yaml"
+    resources:
+        mem_mb=memory_of("gather_study"),
+        runtime=minutes_of("gather_study"),
     params:
         content=study_content,
         sources=study_sources,
@@ -28,6 +31,9 @@ rule export_study:
         RESULTS.log("export_study", "{study}"),
     conda:
         "../envs/limo.yaml"
+    resources:
+        mem_mb=memory_of("export_study"),
+        runtime=minutes_of("export_study"),
     params:
         code=code_digest("export_study"),
     message:
@@ -45,6 +51,9 @@ rule gather_shapes:
         RESULTS.log("gather_shapes", "{study}"),
     conda:
         "../envs/limo.yaml"
+    resources:
+        mem_mb=memory_of("gather_shapes"),
+        runtime=minutes_of("gather_shapes"),
     params:
         content=study_content,
         figures=lambda wildcards: items_of(PROJECT.studies[wildcards.study].figures),

@@ -195,12 +195,13 @@ def airbag_run(wildcards):
 @cache
 def build_of(engine):
     """The build of an engine that would solve, found when it is asked for."""
-    if engine in PROJECT.builds:
-        return PROJECT.builds[engine]
     try:
-        return with_found_builds(PROJECT, CONFIG_FILE, [engine])[0].builds[engine]
+        builds = PROJECT.builds if engine in PROJECT.builds else with_found_builds(PROJECT, CONFIG_FILE, [engine])[0].builds
+        if HANDED:
+            HANDED.check_build(engine, builds[engine])
     except LimoError as error:
         raise WorkflowError(str(error)) from None
+    return builds[engine]
 
 
 def case_to_solve(wildcards):

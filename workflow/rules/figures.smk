@@ -16,6 +16,9 @@ rule draw_figure:
         RESULTS.benchmark("draw_figure", "{study}_{figure}")
     conda:
         "../envs/limo.yaml"
+    resources:
+        mem_mb=memory_of("draw_figure"),
+        runtime=minutes_of("draw_figure"),
     params:
         caption=caption,
         code=figure_code,

@@ -12,6 +12,9 @@ rule measure_case:
         RESULTS.benchmark("measure_case", "{case}")
     conda:
         "../envs/limo.yaml"
+    resources:
+        mem_mb=memory_of("measure_case"),
+        runtime=minutes_of("measure_case"),
     params:
         wanted=lambda wildcards: PLAN.wanted[wildcards.case].to_dict(),
         fatigue=fatigue_of,
@@ -34,6 +37,9 @@ rule write_fields:
         RESULTS.log("write_fields", "{case}"),
     conda:
         "../envs/limo.yaml"
+    resources:
+        mem_mb=memory_of("write_fields"),
+        runtime=minutes_of("write_fields"),
     params:
         wanted=lambda wildcards: PLAN.wanted[wildcards.case].to_dict(),
         fatigue=fatigue_of,

@@ -9,6 +9,9 @@ rule page:
         "results/logs/page.log",
     conda:
         "../envs/limo.yaml"
+    resources:
+        mem_mb=memory_of("page"),
+        runtime=minutes_of("page"),
     params:
         studies=lambda wildcards: {name: (study.description, study.figures) for name, study in PROJECT.studies.items()},
         code=code_digest("write_page"),

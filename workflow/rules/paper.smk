@@ -10,6 +10,9 @@ rule fit_material:
         "results/logs/fit_material.log",
     conda:
         "../envs/limo.yaml"
+    resources:
+        mem_mb=memory_of("fit_material"),
+        runtime=minutes_of("fit_material"),
     params:
         test=PROJECT.config.tensile_test.model_dump(mode="json"),
         code=code_digest("fit_material"),
@@ -29,6 +32,9 @@ rule check_paper:
         "results/logs/check_paper.log",
     conda:
         "../envs/limo.yaml"
+    resources:
+        mem_mb=memory_of("check_paper"),
+        runtime=minutes_of("check_paper"),
     params:
         code=code_digest("check_paper"),
     message:

@@ -17,7 +17,9 @@ rule solve_case:
         "../envs/limo.yaml"
     threads: PROJECT.config.solver.threads
     resources:
-        predicted_seconds=lambda wildcards: round(planned_for(wildcards.case).costs.get(wildcards.case, 0)),
+        mem_mb=REQUESTS.memory_to_solve,
+        runtime=REQUESTS.minutes_to_solve,
+        predicted_seconds=REQUESTS.seconds_to_solve,
         attempt_seconds=lambda wildcards: attempt_seconds(wildcards.case),
     params:
         case=case_to_solve,

@@ -7,6 +7,9 @@ rule stress_test:
         "results/logs/stress_test.log",
     conda:
         "../envs/limo.yaml"
+    resources:
+        mem_mb=memory_of("stress_test"),
+        runtime=minutes_of("stress_test"),
     params:
         cases=stress_test_cases,
         code=code_digest("stress_test"),

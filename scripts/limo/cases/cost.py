@@ -74,14 +74,18 @@ def predict(cases: Iterable[Case], solved: Iterable[Solved] = ()) -> list[float]
             known.setdefault(_kind(case), []).append((_place(case), float(np.log(seconds / prior_seconds(case)))))
         except (KeyError, TypeError, ValueError, ZeroDivisionError):
             continue  # described by another version
-    return [prior_seconds(case) * _factor(case, known.get(_kind(case), [])) for case in map(Case.to_dict, cases)]
+    arrays = {kind: (np.array([p for p, _ in each]), np.array([e for _, e in each])) for kind, each in known.items()}
+    return [prior_seconds(case) * _factor(case, arrays.get(_kind(case))) for case in map(Case.to_dict, cases)]
 
 
-def _factor(case: Mapping[str, Any], known: list[tuple[list[float], float]]) -> float:
-    """By how much the prior is off for a case: the mean over all that is known of its kind, refined by what is near it."""
-    if not known:
+def _factor(case: Mapping[str, Any], known: tuple[np.ndarray, np.ndarray] | None) -> float:
+    """By how much the prior is off for a case: the mean over all that is known of its kind, refined by what is near it.
+
+    ``known``: places (n, 5) of finished cases of the kind, and logarithms (n,) of how far the prior was off.
+    """
+    if known is None:
         return 1.0
-    places, errors = np.array([p for p, _ in known]), np.array([e for _, e in known])
+    places, errors = known
     everywhere = errors.sum() / (len(errors) + PRIOR_WEIGHT)
     near = np.exp(-0.5 * ((places - _place(case)) ** 2).sum(axis=1))
     return float(np.exp(everywhere + (near * (errors - everywhere)).sum() / (near.sum() + PRIOR_WEIGHT)))

@@ -32,7 +32,7 @@ from limo.measure.zones import distances
 from limo.mechanics.layer import inside_out, layer_state, nodal, surface_points
 from limo.mechanics.model import Model
 from limo.mesh.layers import DeviceMesh
-from limo.schema.figures import items_of
+from limo.schema.figures import items_of, shown_places
 from limo.schema.pressures import reaches
 from limo.schema.study import Study
 from limo.store.files import UNREADABLE, read_json, write_netcdf
@@ -97,12 +97,16 @@ def gather_shapes(
 
     Of the branches of a case the lowest is shown, as in the curves (``states.lowest``).
     ``sources``: ids of the cases that serve the study, in the order of its grid (default: its own cases). A case without
-    usable frames has none here, and ``shape_reason`` says why; the others do not notice.
+    usable frames has none here, and ``shape_reason`` says why; the others do not notice. Of more cases than figures show
+    (``shown_places``) there are no shapes of the others.
     """
     grid = study_grid(project, name)
     ids = dict(zip(grid.cases, sources or [case.case_id for case in grid.cases.values()], strict=False))
-    shown = _lowest(grid.cases, ids, case_folder)
-    arrays = GridArrays({**grid.axes, "branch": [0]})
+    places = shown_places({name: len(values) for name, values in grid.axes.items()})
+    axes = {name: [values[k] for k in places[name]] for name, values in grid.axes.items()} | {"branch": [0]}
+    inside = {p: c for p, c in grid.cases.items() if all(v in axes[n] for n, v in p._replace(branch=0)._asdict().items())}
+    shown = _lowest(inside, ids, case_folder)
+    arrays = GridArrays(axes)
     arrays.add("mesh_number", -1, "which mesh a case is on, -1 without shapes")
     arrays.add("symmetry", "", "full, front_back (mirror in z = 0) or quarter (and in x = 0)")
     arrays.add("device_length", np.nan, "length of the device, L", "mm")

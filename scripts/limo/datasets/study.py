@@ -16,9 +16,9 @@ from limo.datasets.curves import curves, efficiency_reason
 from limo.datasets.gather import GridArrays, Member, members
 from limo.datasets.measures import gather_measures
 from limo.datasets.provenance import study_attributes
-from limo.datasets.states import state_variables
 from limo.datasets.variables import CHECKS, CURVE_DIMS, TEXTS, VARIABLES, Variable, describe_axes, on_axes
 from limo.errors import ResultError
+from limo.measure.states import state_variables
 from limo.schema.pressures import is_beyond
 from limo.store.files import UNREADABLE, read_json
 from limo.store.results import CaseFiles

@@ -7,8 +7,8 @@ import pandas as pd
 import xarray as xr
 from matplotlib.lines import Line2D
 
-from limo.datasets.states import lowest
 from limo.figures import overlay, style
+from limo.measure.states import lowest
 
 #: colours of the ventricular pressures, from low to high
 COLORS = ("#E69F00", "#D55E00", "#7B3294", "#0072B2", "#009E73")

@@ -8,10 +8,10 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from limo.datasets.states import lowest
 from limo.figures import overlay, pictures, style
 from limo.figures.render import Scale, Scene
 from limo.measure.buckling import displacement_difference
+from limo.measure.states import lowest
 from limo.mesh.surface import facets
 
 WINDOW = 4.0  # kPa shown on either side of a jump

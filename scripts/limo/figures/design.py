@@ -6,9 +6,9 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from limo.datasets.states import lowest
 from limo.figures import overlay, pictures, style
 from limo.figures.von_mises import pictures_of, stress_scale
+from limo.measure.states import lowest
 
 
 def draw(dataset: xr.Dataset, measured: pd.DataFrame | None, shapes: xr.Dataset):

@@ -13,9 +13,9 @@ import xarray as xr
 from matplotlib.cm import ScalarMappable
 from matplotlib.patches import Rectangle
 
-from limo.datasets.states import lowest
 from limo.figures import style
 from limo.figures.render import Camera, Scale, Scene, render
+from limo.measure.states import lowest
 from limo.mesh.layers import LAYERS
 from limo.mesh.surface import Facets, Surface, facets, full_device, surface_of
 from limo.store.statuses import USABLE

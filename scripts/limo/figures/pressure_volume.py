@@ -6,8 +6,8 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from limo.datasets.states import lowest
 from limo.figures import overlay, style
+from limo.measure.states import lowest
 
 
 def curve_label(case: xr.Dataset, varying: list[str]) -> str:

@@ -9,10 +9,10 @@ import pandas as pd
 import xarray as xr
 from matplotlib.cm import ScalarMappable
 
-from limo.datasets import states
 from limo.figures import pictures, style
 from limo.figures.cycles import life_scale, pictures_of
 from limo.figures.pressure_volume import curve_label
+from limo.measure import states
 from limo.measure.fatigue import cycles_to_failure, strain_amplitude
 from limo.schema.fatigue import Fatigue
 

@@ -14,7 +14,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 from PIL import Image
 
-from limo.datasets.states import folded_otherwise
+from limo.measure.states import folded_otherwise
+from limo.schema.figures import shown_places
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 #: Okabe-Ito, in the order in which curves take them: yellow, pale on white, last
 COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#F0E442")
 FADED = 0.35  # what is left of a line where layers would touch
+_NOTE = 0.22  # inches that a line above all panels takes
 WIDEST_PNG, LARGEST_PNG = 1600, 300_000  # pixels across, bytes
 SETTINGS = {
     "axes.grid": True,
@@ -111,6 +113,32 @@ def bars_of_branches(axis, places: np.ndarray, values: xr.DataArray, factor: flo
     """Thin bars from the lowest to the highest of the branches of values (places, branch); nothing where there is one."""
     if "branch" in values.dims:
         axis.vlines(places, factor * values.min("branch"), factor * values.max("branch"), color="black", lw=0.8)
+
+
+def shown_cases(dataset: xr.Dataset) -> tuple[xr.Dataset, str]:
+    """The cases of a study that its figures show, and how many these are; all and nothing where they can be told apart."""
+    sizes = {name: dataset.sizes[name] for name in dataset.case_status.dims}
+    shown = dataset.isel(shown_places(sizes))
+    count, left = (d.case_status.size // d.sizes.get("branch", 1) for d in (dataset, shown))
+    return (dataset, "") if count == left else (shown, f"{left} of {count} cases are shown, evenly chosen")
+
+
+def note_above(figure, note: str) -> None:
+    """Write a line above all panels, wherever a figure has them; nothing without a note."""
+    if not note:
+        return
+    if figure.get_layout_engine() is not None:
+        figure.suptitle(note, fontsize=8)
+        return
+    wide, tall = figure.get_size_inches()
+    share = tall / (tall + _NOTE)
+    places = [axis.get_position() for axis in figure.axes]
+    figure.set_size_inches(wide, tall + _NOTE)
+    for axis, place in zip(figure.axes, places, strict=True):
+        axis.set_position((place.x0, place.y0 * share, place.width, place.height * share))
+    for text in figure.texts:
+        text.set_y(text.get_position()[1] * share)
+    figure.text(0.5, 1 - 0.04 / (tall + _NOTE), note, ha="center", va="top", fontsize=8)
 
 
 def gaps(dataset: xr.Dataset, most: int = 5) -> list[str]:

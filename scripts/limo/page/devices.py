@@ -39,6 +39,7 @@ _OTHER_STEPS = 1000  # of other quantities
 _FINEST = {600: 3, 1500: 2}  # elements of a part up to which they are divided so often along a side, beyond it not at all
 _SHOWN_UP_TO = 0.99  # share of the values that a scale covers
 _SAME = 1e-3  # kPa, pressures closer than this are one
+LEFT_OUT = "left out of the 3D view to keep the page small"
 
 
 @dataclass(frozen=True)
@@ -75,10 +76,13 @@ class _Stop:
 
 
 class Devices:
-    """Cases and their meshes as they are put into a page, plain data with packed numbers."""
+    """Cases and their meshes as they are put into a page, plain data with packed numbers.
 
-    def __init__(self, results: Path):
-        self.results = results
+    Of a thousand cases no more are opened and held than a page of ``most`` characters can take at fewest pressures.
+    """
+
+    def __init__(self, results: Path, most: float = float("inf")):
+        self.results, self.most, self._least = results, most, 0
         self.meshes: dict[str, dict[str, Any]] = {}
         self.cases: dict[str, dict[str, Any]] = {}
         self.reasons: dict[str, str] = {}
@@ -87,6 +91,9 @@ class Devices:
         """Take a case in; one whose files cannot be used leaves a reason instead."""
         if case_id in self.cases or case_id in self.reasons:
             return
+        if self._least > self.most:
+            self.reasons[case_id] = LEFT_OUT
+            return
         results = Results(self.results)
         files = results.case(case_id)
         try:
@@ -94,13 +101,16 @@ class Devices:
             model, frames = open_case(case, results.mesh(case.mesh_id), files.folder)
             self.cases[case_id] = _case(model, frames) | {"mesh": case.mesh_id}
             self.meshes.setdefault(case.mesh_id, _mesh(model.mesh, case))
+            self._least += _size(thinned(self.cases[case_id], _FEWER[-1]))
         except (LimoError, AttributeError, KeyError, TypeError, ValueError) as error:
             self.reasons[case_id] = str(error)
 
     def fit(self, most: int) -> str:
         """Make all of it at most ``most`` characters long: fewer pressures a case, then fewer cases; says what is left out."""
         meshes = sum(map(_size, self.meshes.values()))
-        if meshes + sum(map(_size, self.cases.values())) <= most:
+        closed = sum(reason == LEFT_OUT for reason in self.reasons.values())
+        count = len(self.cases) + closed
+        if not closed and meshes + sum(map(_size, self.cases.values())) <= most:
             return ""
         for pressures in _FEWER:
             kept = {name: thinned(case, pressures) for name, case in self.cases.items()}
@@ -110,10 +120,10 @@ class Devices:
         while kept and size > most:
             name, _ = kept.popitem()
             size -= sizes[name]
-            self.reasons[name] = "left out of the 3D view to keep the page small"
+            self.reasons[name] = LEFT_OUT
         notes = [f"each case is shown at {pressures} of its stored pressures at most"]
-        if dropped := len(self.cases) - len(kept):
-            notes.append(f"{dropped} of {len(self.cases)} cases are left out")
+        if dropped := count - len(kept):
+            notes.append(f"{dropped} of {count} cases are left out")
         self.cases = kept
         return "; ".join(notes)
 

@@ -25,7 +25,7 @@ from limo.errors import ResultError
 from limo.figures.style import COLORS
 from limo.page import BUDGET, FILE, FOLDER, TEMPLATES, dataset_of
 from limo.page.curves import curves
-from limo.page.devices import Devices
+from limo.page.devices import LEFT_OUT, Devices
 from limo.page.packing import pack_bytes
 from limo.schema.study import Study
 from limo.store.files import read_json, write_whole
@@ -80,7 +80,7 @@ class StudyPart:
 def write_page(results: Path, studies: Mapping[str, Study]) -> str:
     """Write the page of all of ``studies`` that have been gathered below ``results``; returns a line about it."""
     parts, plots, shown = [], {}, {}
-    devices = Devices(results)
+    devices = Devices(results, BUDGET)
     for name, study in studies.items():
         file = dataset_of(results, name)
         if not file.exists():
@@ -177,13 +177,16 @@ def _remarks(case: xr.Dataset) -> list[str]:
 
 
 def _problems(parts: list[StudyPart], devices: Devices) -> list[tuple[str, CaseRow, list[str]]]:
-    """Cases that failed or of which something is missing, with the study's name and all reasons."""
+    """Cases that failed or of which something is missing, with the study's name and all reasons.
+
+    How many are left out for the page's size is said where devices are shown.
+    """
     rows = []
     for part in parts:
         for case in part.cases:
             reasons = list(case.remarks)
-            if case.case_id in devices.reasons:
-                reasons.append(f"not in the 3D view: {devices.reasons[case.case_id]}")
+            if (reason := devices.reasons.get(case.case_id, LEFT_OUT)) != LEFT_OUT:
+                reasons.append(f"not in the 3D view: {reason}")
             if reasons or case.status != CONVERGED:
                 rows.append((part.name, case, reasons))
     return rows

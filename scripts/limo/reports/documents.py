@@ -14,6 +14,7 @@ from limo.errors import LimoError
 from limo.reports import (
     accuracy,
     blocks,
+    cluster,
     configuration,
     entry,
     gallery,
@@ -45,9 +46,8 @@ def _accuracy(root: Path) -> str:
 
 def _performance(root: Path) -> str:
     rows = performance.read_measurements(root / DATA / "performance.csv")
-    return performance.report(
-        rows, overhead.read_overhead(root / DATA / "overhead.csv"), entry.read_entry(root / DATA / "entry.csv")
-    )
+    measured = overhead.read_overhead(root / DATA / "overhead.csv"), entry.read_entry(root / DATA / "entry.csv")
+    return performance.report(rows, *measured, cluster.read_cluster(root / DATA / "cluster.csv"))
 
 
 def _gallery(config: str, part: str) -> Callable[[Path], str]:

@@ -29,10 +29,10 @@ from limo.config.load import load_config
 from limo.config.project import Project
 from limo.datasets.curves import absent, at_end, completed
 from limo.datasets.shapes import gather_shapes
-from limo.datasets.states import lowest
 from limo.datasets.study import gather_study
 from limo.errors import LimoError
 from limo.figures import style, tensile_test
+from limo.measure.states import lowest
 from limo.reports.markdown import markdown_table
 from limo.schema.device import Pattern
 from limo.schema.figures import SHAPES

@@ -13,8 +13,8 @@ import xarray as xr
 
 from limo.accuracy.statistics import rows_of
 from limo.accuracy.table import read_errors
-from limo.datasets.states import lowest
 from limo.errors import ResultError
+from limo.measure.states import lowest
 from limo.reports.markdown import read_rows
 from limo.reports.performance import CASE, read_measurements, with_iterations
 

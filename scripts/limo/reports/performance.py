@@ -23,6 +23,7 @@ from limo.config.project import Project
 from limo.engines.find import find_engine
 from limo.errors import LimoError
 from limo.measure.ramp import ramp_of
+from limo.reports.cluster import cluster_table
 from limo.reports.entry import entry_table
 from limo.reports.markdown import markdown_table, number, read_rows, shown, signed_percent
 from limo.reports.overhead import NOTHING, PLANNING
@@ -130,8 +131,8 @@ DECKS = {"calculix": "fast", "newton": "-"}
 CASE = ["n_pouches", "ventricular_pressure", "aspect_ratio", "stiffness_ratio"]
 
 
-def report(rows: pd.DataFrame, overhead: pd.DataFrame, entry: pd.DataFrame) -> str:
-    """docs/performance.md from raw measurements, and from what ``overhead`` and ``entry`` measured; a gap says so."""
+def report(rows: pd.DataFrame, overhead: pd.DataFrame, entry: pd.DataFrame, cluster: pd.DataFrame) -> str:
+    """docs/performance.md from raw measurements, and what ``overhead``, ``entry`` and ``cluster`` measured; a gap says so."""
     rows = with_iterations(rows)
     machines = ", ".join(sorted(rows.machine.dropna().unique()))
     parts = [
@@ -162,6 +163,11 @@ def report(rows: pd.DataFrame, overhead: pd.DataFrame, entry: pd.DataFrame) -> s
         "Written by `limo performance beside CHECKOUT`: medians of CPU time in this checkout and in an older one, measured in "
         "turns. `limo performance beside CHECKOUT --tests` adds the wall time of the tests, once each.",
         entry_table(entry),
+        "## Sweeps on a cluster",
+        "Written by `limo performance cluster`: a study of very coarse cases, whose solve is replaced by a second of waiting. "
+        "Rules, scripts and Slurm are real; its only node is this machine. Cases are of volumes alone. Time and memory are "
+        "those of all processes of a job, looked at every 0.2 s. Memory is without the script, which the rule's request covers.",
+        cluster_table(cluster),
         "## How far seconds are to be trusted",
         "CPU seconds depend on what else runs on the machine, so compare them within a batch only. These runs were measured in "
         "several batches, with the same iterations and results. Where the wall time exceeds the CPU time, other work shared the "

@@ -17,7 +17,7 @@ from limo.accuracy.statistics import settings_of
 from limo.cases.cost import duration, schedule
 from limo.config.load import load_config
 from limo.datasets.curves import at_end
-from limo.datasets.states import lowest
+from limo.measure.states import lowest
 from limo.reports.accuracy_airbag import TRUSTED, published_draw_in, published_height, read_airbags
 from limo.reports.accuracy_device import error_text
 from limo.reports.kept import FIRST, STANDARD, Kept, grids, made_with, reference_of, stock_factor

@@ -25,6 +25,7 @@ ORDER = (
         "measure",
         "bench",
         "solve",
+        "cluster",
         "datasets",
         "airbag",
         "accuracy",

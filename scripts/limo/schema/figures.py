@@ -2,6 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from math import prod
+
+#: cases that a figure can tell apart; of more, so many are drawn at most
+MOST_CASES = 40
+
 #: figures a study may name
 FIGURES = (
     "pressure_volume",
@@ -55,3 +61,20 @@ def items_of(figures: list[str]) -> tuple[str, ...]:
     """What some figures together draw beyond curves, of ``ITEMS``."""
     asked = {item for figure in figures for item in SHAPES.get(figure, ())}
     return tuple(item for item in ITEMS if item in asked)
+
+
+def shown_places(sizes: Mapping[str, int], most: int = MOST_CASES) -> dict[str, list[int]]:
+    """Places along each axis of a grid of ``sizes`` that figures show: evenly spread, ``most`` cases in all at most.
+
+    The longest axis is thinned first; its ends stay. Branches of a case are one curve with a band: they do not count.
+    """
+    counts = dict(sizes)
+    while prod(n for name, n in counts.items() if name != "branch") > most:
+        counts[max((name for name in counts if name != "branch"), key=counts.__getitem__)] -= 1
+    return {name: _spread(size, counts[name]) for name, size in sizes.items()}
+
+
+def _spread(count: int, most: int) -> list[int]:
+    if most >= count:
+        return list(range(count))
+    return sorted({round(k * (count - 1) / max(most - 1, 1)) for k in range(most)})

@@ -20,6 +20,7 @@ from typing import IO
 from limo.errors import LimoError
 from limo.store.files import write_json
 from limo.store.results import CaseFiles
+from limo.store.scratch import on_own_disk
 
 SWEEP = ".sweep"  # in the folder of results
 INTERVAL = 0.3  # s between two progress files
@@ -56,7 +57,8 @@ def solving(folder: Path) -> Iterator[None]:
         lock.flush()
         token = _listener.set(keep)
         try:
-            yield
+            with on_own_disk(files):
+                yield
         finally:
             _listener.reset(token)
         # only now: a lock that nobody holds tells of a solve that was broken off

@@ -87,6 +87,11 @@ class CaseFiles:
         return self.folder / "lock"
 
     @property
+    def seen(self) -> CaseFiles:
+        """The folder of what is copied of a run on another disk (``store.scratch``)."""
+        return CaseFiles(self.folder / ".seen")
+
+    @property
     def kept(self) -> CaseFiles:
         """The folder of second names of what a solve wrote."""
         return CaseFiles(self.folder / ".kept")
@@ -213,6 +218,11 @@ class Results:
     def log(self, rule: str, name: str) -> Path:
         """The log of a rule's job."""
         return self.root / "logs" / rule / f"{name}.log"
+
+    @property
+    def slurm_logs(self) -> Path:
+        """The folder of the logs that Slurm writes of jobs."""
+        return self.root / "logs" / "slurm"
 
     def benchmark(self, rule: str, name: str) -> Path:
         """What a rule's job took."""

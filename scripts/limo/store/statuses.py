@@ -14,8 +14,8 @@ ENDED = (CONVERGED, DEGRADED, DIVERGED, TIMED_OUT, CRASHED)
 USABLE = (CONVERGED, DEGRADED)
 #: of a case in a dataset without results that can be read
 MISSING = "missing"
-#: of a case in a sweep that has not ended: no process is solving a stale one, though it was begun
-RUNNING, WAITING, STALE = "running", "waiting", "stale"
+#: of a case in a sweep that has not ended: no process is solving a stale one, though it was begun; a cluster has a queued one
+RUNNING, WAITING, STALE, QUEUED = "running", "waiting", "stale", "queued"
 #: of what is measured of a solved case, or of a size
 MEASURED, NOT_MEASURED = "measured", "failed"
 

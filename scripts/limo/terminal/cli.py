@@ -23,6 +23,7 @@ COMMANDS = (
     devices.add_derive_outline,
     studies.add_status,
     studies.add_sweep,
+    studies.add_jobs,
     cases.add_show,
     cases.add_compare,
     studies.add_table,

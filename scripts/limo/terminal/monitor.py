@@ -17,13 +17,18 @@ from rich.table import Table
 from rich.text import Text
 
 from limo.cases.cost import duration
-from limo.store.statuses import CONVERGED, CRASHED, DEGRADED, DIVERGED, RUNNING, STALE, TIMED_OUT, WAITING
+from limo.store.statuses import CONVERGED, CRASHED, DEGRADED, DIVERGED, QUEUED, RUNNING, STALE, TIMED_OUT, WAITING
 from limo.terminal.status import FAILED, STATUSES, CaseStatus, Sweep, short_names
 
 LOG = "logs/sweep.log"  # in the folder of results
-_STYLES = {RUNNING: "cyan", WAITING: "dim", CONVERGED: "green", DEGRADED: "yellow", STALE: "yellow"} | dict.fromkeys(
-    (DIVERGED, TIMED_OUT, CRASHED), "red"
-)
+_STYLES = {
+    RUNNING: "cyan",
+    QUEUED: "blue",
+    WAITING: "dim",
+    CONVERGED: "green",
+    DEGRADED: "yellow",
+    STALE: "yellow",
+} | dict.fromkeys((DIVERGED, TIMED_OUT, CRASHED), "red")
 _WIDTH = 150  # columns where there is no terminal
 _OTHERS = 8  # lines of a terminal that are not cases
 
@@ -72,7 +77,7 @@ def _text(value: float | None, form: str) -> str:
 
 def _most_telling(statuses: Sequence[CaseStatus], count: int) -> list[CaseStatus]:
     """At most ``count`` cases in their order: those that run or failed, then those that ended, then those that wait."""
-    order = {RUNNING: 0, **dict.fromkeys(FAILED, 1), DEGRADED: 2, CONVERGED: 3, WAITING: 4}
+    order = {RUNNING: 0, **dict.fromkeys(FAILED, 1), DEGRADED: 2, CONVERGED: 3, QUEUED: 4, WAITING: 5}
     kept = sorted(range(len(statuses)), key=lambda k: (order[statuses[k].status], k))[: max(count, 1)]
     return [statuses[k] for k in sorted(kept)]
 
@@ -83,7 +88,7 @@ def _totals(sweep: Sweep, statuses: Sequence[CaseStatus], hidden: int = 0) -> Te
     if totals["seconds_left"]:
         workers = max(sweep.workers, totals[RUNNING])
         parts.append(f"about {duration(totals['seconds_left'])} left, {workers} case{'s' * (workers > 1)} at a time")
-    lines = [", ".join(parts)]
+    lines = [", ".join(parts), *[sweep.cluster] * bool(sweep.cluster)]
     if hidden:
         lines.append(f"({hidden} cases that wait or ended are not shown: limo status prints all)")
     return Text("\n".join([*lines, *_reasons(statuses)]), style="")
@@ -91,6 +96,8 @@ def _totals(sweep: Sweep, statuses: Sequence[CaseStatus], hidden: int = 0) -> Te
 
 def _reasons(statuses: Sequence[CaseStatus]) -> list[str]:
     """Why cases failed, each reason once."""
+    if not any(s.reason for s in statuses):
+        return []
     names = short_names(s.case for s in statuses)
     names_by_reason: dict[str, list[str]] = {}
     for s in statuses:
@@ -117,7 +124,7 @@ def watch(sweep: Sweep, to: Console, every: float, done: Callable[[], bool] | No
     """
 
     def over(statuses: Sequence[CaseStatus]) -> bool:
-        return done() if done is not None else not any(s.status in (RUNNING, WAITING) for s in statuses)
+        return done() if done is not None else not any(s.status in (RUNNING, QUEUED, WAITING) for s in statuses)
 
     statuses = sweep.look()
     if to.is_terminal and not to.is_dumb_terminal:
@@ -147,7 +154,7 @@ def changes(before: dict[str, CaseStatus], statuses: Sequence[CaseStatus]) -> li
     names, lines = short_names(s.case for s in statuses), []
     for s in statuses:
         old = before.get(s.case)
-        if s.status == WAITING or (old is not None and _milestone(old) == _milestone(s)):
+        if s.status in (WAITING, QUEUED) or (old is not None and _milestone(old) == _milestone(s)):
             continue
         parts = [names[s.case], *(s.variant,) * bool(s.variant), s.status]
         if s.stage and s.actuation_pressure is not None and s.actuation_pressure_max is not None:
@@ -165,15 +172,15 @@ def _milestone(status: CaseStatus) -> tuple:
     return status.status, status.stage, int(10 * pressure / maximum) if pressure and maximum else 0
 
 
-def run_sweep(sweep: Sweep, config_file: str, studies: Sequence[str], cores: int, options: Sequence[str], to: Console) -> bool:
-    """Run Snakemake on some studies and show its cases meanwhile; returns whether it and all cases ended well.
+def run_sweep(sweep: Sweep, config_file: str, studies: Sequence[str], options: Sequence[str], to: Console) -> bool:
+    """Run Snakemake on some studies with ``options`` and show its cases meanwhile; returns whether it and all cases ended well.
 
     What Snakemake says goes to ``logs/sweep.log`` beside the results, and its end to standard error when it failed. It has a
     session of its own: Ctrl-C is handed on to it, and a terminal that is lost does not end it.
     """
     log = sweep.results.root / LOG
     log.parent.mkdir(parents=True, exist_ok=True)
-    command = [sys.executable, "-m", "snakemake", "--cores", str(cores), *studies, *options, "--config"]
+    command = [sys.executable, "-m", "snakemake", *studies, *options, "--config"]
     # Snakemake reads it as YAML, where " #" would end it, and takes away quotes at the ends
     command.append(f"file= {json.dumps(config_file, ensure_ascii=False)} ")
     to.print(f"snakemake runs {', '.join(studies) or 'the studies of the configuration'}; what it says: {log}")

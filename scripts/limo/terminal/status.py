@@ -1,14 +1,15 @@
 """Where the cases of a sweep are, read from their files: while it runs, when it is done, and when it was killed.
 
-A case is ``waiting``; ``running``, which a lock tells (``progress``); ``stale`` when it was begun, has no result and nobody
-solves it; or it has ended as ``converged``, ``degraded``, ``diverged``, ``timed_out`` or ``crashed``. Files that another
-process is just writing count as far as they can be read.
+A case is ``waiting``; ``queued`` on a cluster; ``running``, which a lock or the cluster tells; ``stale`` when it was begun, has
+no result and nobody solves it; or it has ended as ``converged``, ``degraded``, ``diverged``, ``timed_out`` or
+``crashed``. Files that another process is just writing count as far as they can be read.
 """
 
 from __future__ import annotations
 
 import re
 import time
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
@@ -19,19 +20,22 @@ from limo.cases.case import Case
 from limo.cases.cost import predict, schedule, seconds_left, share_done
 from limo.cases.plan import Plan, make_plan
 from limo.cases.solved import Solved, holds, is_sound
+from limo.cluster import slurm
+from limo.cluster.handed import was_handed
 from limo.config.builds import open_project
 from limo.config.project import Project
 from limo.engines.engine import Place
 from limo.engines.find import find_engine
-from limo.errors import ResultError
+from limo.errors import ClusterError, ResultError
 from limo.schema.section import STAGES
 from limo.store.files import read_json
 from limo.store.progress import solving_since
 from limo.store.results import CaseFiles, Results
-from limo.store.statuses import CRASHED, ENDED, RUNNING, STALE, USABLE, WAITING, SolveStatus
+from limo.store.statuses import CRASHED, ENDED, QUEUED, RUNNING, STALE, USABLE, WAITING, SolveStatus
 
 FAILED = (*(word for word in ENDED if word not in USABLE), STALE)
-STATUSES = (RUNNING, WAITING, STALE, *ENDED)
+STATUSES = (RUNNING, QUEUED, WAITING, STALE, *ENDED)
+ASK_EVERY = 5.0  # s between two questions to a cluster, which all its users ask
 RECENT = 120.0  # s within which files must have grown for a case to run where the file system knows no locks
 #: what a name begins with before its numbers
 DEVICE = re.compile(r"^\w+?_(?=np\d+_pv)")
@@ -71,16 +75,33 @@ class Sweep:
         others = [n for n in plan.cases if n not in wanted]
         self.others = [] if set(studies) == set(loaded.studies) else others
         every = list(plan.cases)
+        self.cluster = ""  # why a cluster that is here does not answer
+        self._asked, self._known = -ASK_EVERY, {}
+        # a moment ago, so the first look need not read all files again
+        self._read = {name: solved for name, solved in plan.solved.items() if solved.status.status in ENDED}
         self.predicted = dict(zip(every, predict(plan.cases.values(), plan.solved.values()), strict=True))
 
     def look(self) -> list[CaseStatus]:
         """The cases of the studies in their order, then those of other studies that someone is solving."""
-        statuses = [self._case(name) for name in self.named]
-        begun = (self._case(name) for name in self.others if solving_since(self.results.case(name).folder) is not None)
-        return statuses + list(begun)
+        jobs, logs = self._jobs(), slurm.logs_of(self.results.slurm_logs)
+        begun = [n for n in self.others if n in jobs or solving_since(self.results.case(n).folder) is not None]
+        read, self._read = self._read, {}
+        return [self._case(name, jobs.get(name), logs.get(name), read.get(name)) for name in (*self.named, *begun)]
 
-    def _case(self, name: str) -> CaseStatus:
-        status = case_status(self.plan.cases[name], self.results.case(name).folder, self.predicted[name])
+    def _jobs(self) -> dict[str, slurm.Job]:
+        """The jobs of cases on a cluster by case; none where there is no cluster, or it does not answer."""
+        folder = self.results.root.absolute().parent
+        if slurm.is_here() and was_handed(folder) and time.monotonic() > self._asked + ASK_EVERY:
+            try:
+                self._known = {job.case: job for job in slurm.jobs_of(folder) if job.case}
+                self.cluster = ""
+            except ClusterError as error:
+                self._known, self.cluster = {}, str(error)
+            self._asked = time.monotonic()
+        return self._known
+
+    def _case(self, name: str, job: slurm.Job | None, log: Path | None, read: Solved | None) -> CaseStatus:
+        status = case_status(self.plan.cases[name], self.results.case(name).folder, self.predicted[name], job, log, read)
         return replace(status, variant=self.variants.get(name, ""))
 
     def totals(self, statuses: Sequence[CaseStatus]) -> dict[str, Any]:
@@ -109,14 +130,29 @@ def open_sweep(config_file: str, studies: Sequence[str], results: Path, cores: i
     return Sweep(loaded, make_plan(loaded, results), studies or loaded.config.studies, results, cores)
 
 
-def case_status(case: Case, folder: Path, predicted: float | None = None) -> CaseStatus:
-    """Where one case is. ``predicted``: the time (s) that a solve of it should take."""
+def case_status(
+    case: Case,
+    folder: Path,
+    predicted: float | None = None,
+    job: slurm.Job | None = None,
+    log: Path | None = None,
+    read: Solved | None = None,
+) -> CaseStatus:
+    """Where one case is.
+
+    ``predicted``: the time (s) that a solve of it should take; ``job``: its job on a cluster, ``log`` of its last one there;
+    ``read``: what was just read of it, if it was sound.
+    """
     name, maximum, files = case.case_id, case.actuation_pressure_max, CaseFiles(folder)
-    since, ended = solving_since(folder), read_ended(folder)
-    damaged = ended is not None and not is_sound(files, ended.described, ended.status)
+    since, ended = solving_since(folder), read or read_ended(folder)
+    damaged = read is None and ended is not None and not is_sound(files, ended.described, ended.status)
     if since is None and ended is not None and not damaged and fits(ended, case):
         return ended_status(name, ended.status, maximum)
-    place = _place(case, folder)
+    if job is not None and job.is_queued:
+        return CaseStatus(name, QUEUED, _why_queued(job), seconds_left=predicted, actuation_pressure_max=maximum)
+    place = _place(case, folder) or _place(case, files.seen.folder)
+    if since is None and job is not None:  # on another node, whose lock is not seen here everywhere
+        since = _locked(files) or time.time()
     if since is None and not files.lock.exists() and place is not None and time.time() - place.written < RECENT:
         since = _began(folder)
     if since is not None and place is not None and place.written < since:
@@ -129,11 +165,7 @@ def case_status(case: Case, folder: Path, predicted: float | None = None) -> Cas
         )  # fmt: skip
     where = _where(place, maximum)
     if since is None:
-        reason, begun = _error(folder), files.lock.exists() or any_file(files.run)
-        status = CRASHED if reason else STALE if begun else WAITING
-        if status == STALE:
-            reason = "begun, but no process is solving it: run snakemake again"
-        return CaseStatus(name, status, reason, seconds_left=None if status == CRASHED else predicted, **where)
+        return _begun_status(case, folder, predicted, log, where)
     elapsed = max(time.time() - since, 0.0)
     iterating = place.written - since if place else 0.0
     rate = round(place.iterations / iterating, 2) if iterating > 1.0 else None
@@ -143,6 +175,29 @@ def case_status(case: Case, folder: Path, predicted: float | None = None) -> Cas
     return CaseStatus(
         name, RUNNING, iterations_per_second=rate, seconds=round(elapsed, 1), seconds_left=left, **where
     )  # fmt: skip
+
+
+def _begun_status(case: Case, folder: Path, predicted: float | None, log: Path | None, where: dict[str, Any]) -> CaseStatus:
+    """Where a case is that nobody solves and that has no result."""
+    files = CaseFiles(folder)
+    reason, begun = (slurm.how_it_ended(log) if log else "") or _error(folder), files.lock.exists() or any_file(files.run)
+    status = CRASHED if reason else STALE if begun else WAITING
+    if status == STALE:
+        reason = "begun, but no process is solving it: run snakemake again"
+    return CaseStatus(case.case_id, status, reason, seconds_left=None if status == CRASHED else predicted, **where)
+
+
+def _why_queued(job: slurm.Job) -> str:
+    """Why a job waits, where it waits for more than its turn."""
+    return f"job {job.number} waits: {job.reason}" if job.reason not in ("", "Priority", "Resources") else ""
+
+
+def _locked(files: CaseFiles) -> float | None:
+    """When a case was begun, by its lock whoever holds it; None before."""
+    try:
+        return files.lock.stat().st_mtime
+    except OSError:
+        return None
 
 
 def _where(place: Place | None, maximum: float) -> dict[str, Any]:
@@ -254,13 +309,10 @@ def to_plain(sweep: Sweep, statuses: Sequence[CaseStatus]) -> dict[str, Any]:
 def short_names(names: Iterable[str]) -> dict[str, str]:
     """The shortest beginnings of names that tell each from all others: without the device, the four numbers and so on."""
     names = list(names)
-
-    def shortened(name: str, parts: int | None) -> str:
-        return "_".join(DEVICE.sub("", name).split("_")[:parts])
-
-    short = {}
-    for name in names:
-        lengths = (4, 5, 6, None)  # numbers; with the mesh level; with the numerics; with the hash
-        forms = ((shortened(name, k), [shortened(other, k) for other in names]) for k in lengths)
-        short[name] = next((form for form, all_forms in forms if all_forms.count(form) == 1), name)
-    return short
+    parts = [DEVICE.sub("", name).split("_") for name in names]
+    short: dict[str, str] = {}
+    for length in (4, 5, 6, None):  # numbers; with the mesh level; with the numerics; with the hash
+        forms = ["_".join(each[:length]) for each in parts]
+        counts = Counter(forms)
+        short |= {name: form for name, form in zip(names, forms, strict=True) if name not in short and counts[form] == 1}
+    return {name: short.get(name, name) for name in names}

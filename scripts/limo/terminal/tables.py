@@ -14,9 +14,9 @@ from limo.cases.cost import duration, memory_mib, plan_costs, schedule
 from limo.cases.grid import study_cases
 from limo.cases.plan import make_plan
 from limo.config.builds import open_project
-from limo.datasets.states import folded_otherwise, rest_energy
 from limo.datasets.variables import COORDINATES, SYMBOLS, place
 from limo.errors import ResultError
+from limo.measure.states import folded_otherwise, rest_energy
 from limo.reports.markdown import shown
 from limo.store.files import UNREADABLE
 

@@ -23,7 +23,7 @@ from limo.mechanics.build import build_model
 from limo.mechanics.layer import nodal
 from limo.mesh.file import write_mesh
 from limo.page import BUDGET, sources
-from limo.page.devices import MOST_PRESSURES, QUANTITIES, Devices, spread
+from limo.page.devices import LEFT_OUT, MOST_PRESSURES, QUANTITIES, Devices, spread
 from limo.page.packing import pack, pack_steps
 from limo.page.write import write_page
 from limo.store.files import write_json
@@ -239,6 +239,16 @@ def test_pressures_are_dropped_before_cases(folder):
     assert "2 of 3 cases are left out" in said
     assert len(found.cases) == 1
     assert "left out" in found.reasons["case 2"]
+
+
+def test_no_more_cases_are_opened_than_a_page_can_take(folder):
+    _, results, model = folder
+    found = Devices(results, most=1)
+    found.add(model.name)
+    found.add("nowhere")  # a case that is opened and not there leaves another reason
+    assert found.reasons == {"nowhere": LEFT_OUT}
+    assert "1 of 2 cases are left out" in found.fit(10**9)
+    assert set(found.cases) == {model.name}
 
 
 def test_a_page_that_is_too_large_says_what_it_leaves_out(folder, page, tmp_path, monkeypatch):

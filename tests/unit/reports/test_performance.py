@@ -7,6 +7,7 @@ from limo.cases.grid import study_cases
 from limo.cases.plan import make_plan
 from limo.config.project import Project
 from limo.errors import ResultError
+from limo.reports.cluster import read_cluster
 from limo.reports.entry import read_entry
 from limo.reports.overhead import COLUMNS, read_overhead
 from limo.reports.performance import measurements, read_measurements, record, report
@@ -64,7 +65,12 @@ def test_the_report_judges_changes_and_targets_by_the_numbers(tmp_path, measured
     rows = [base, *(base.assign(variant=n, change=n, cpu_seconds=c, stroke=s) for n, (c, s) in variants.items())]
     paper = base.assign(batch="stock", variant="paper", cpu_seconds=600.0, path_share=0.1)
     overhead = pd.DataFrame([("no_op", 19, 4.0, 3, "a"), ("dry_run", 1000, 16.0, 3, "a")], columns=COLUMNS)
-    text = report(pd.concat([*rows, paper], ignore_index=True), overhead, read_entry(tmp_path / "entry.csv"))
+    text = report(
+        pd.concat([*rows, paper], ignore_index=True),
+        overhead,
+        read_entry(tmp_path / "entry.csv"),
+        read_cluster(tmp_path / "no.csv"),
+    )
     verdict = {n: next(line for line in text.splitlines() if f"| {n} |" in line).split("|")[-2].strip() for n in variants}
     assert verdict == {"faster": "yes", "wrong": "no", "slower": "no"}
     lines = [line for line in text.splitlines() if "deck of the paper on the stock build: calculix" in line]

@@ -13,6 +13,7 @@ from rich.console import Console
 from limo.cases.case import describe
 from limo.cases.cost import seconds_left, share_done
 from limo.cases.plan import make_plan
+from limo.cluster.slurm import Job
 from limo.config.project import Project
 from limo.engines.calculix.deck import stage_times
 from limo.schema.study import Study
@@ -141,6 +142,31 @@ def test_a_script_that_failed_crashed_its_case_and_says_why(folder, make_case):
     assert status.seconds_left is None
     with solving(folder):
         assert case_status(case, folder, PREDICTED).status == "running", "it is tried again"
+
+
+def job_of(case, state, reason=""):
+    return Job("7", state, reason, case.case_id)
+
+
+def test_a_cluster_tells_that_a_case_is_queued_or_runs_elsewhere(folder, make_case):
+    case = make_case()
+    status = case_status(case, folder, PREDICTED, job_of(case, "PENDING", "Priority"))
+    assert (status.status, status.reason, status.seconds_left) == ("queued", "", PREDICTED)
+    held = case_status(case, folder, PREDICTED, job_of(case, "PENDING", "QOSMaxJobsPerUserLimit"))
+    assert held.reason == "job 7 waits: QOSMaxJobsPerUserLimit"
+    begin(folder, case, pressure=30.0)
+    folder.joinpath("lock").touch()
+    assert case_status(case, folder, PREDICTED).status == "stale", "nobody holds the lock on this machine"
+    assert case_status(case, folder, PREDICTED, job_of(case, "RUNNING")).status == "running"
+
+
+def test_a_case_whose_job_slurm_ended_says_why(folder, make_case, tmp_path):
+    case, log = make_case(), tmp_path / "7.log"
+    begin(folder, case, pressure=30.0)
+    folder.joinpath("lock").touch()
+    log.write_text("slurmstepd: error: *** JOB 7 ON n1 CANCELLED AT 2026-01-01T00:00:00 DUE TO TIME LIMIT ***")
+    status = case_status(case, folder, PREDICTED, None, log)
+    assert (status.status, status.reason) == ("crashed", f"its job ran out of time ({log})")
 
 
 @pytest.mark.parametrize("how", ["converged", "diverged", "timed_out", "crashed"])

@@ -52,3 +52,8 @@ def results(parser: argparse.ArgumentParser) -> None:
 def cores(parser: argparse.ArgumentParser) -> None:
     """Cores of a sweep."""
     parser.add_argument("--cores", type=int, default=2, help="cores for the sweep (default: %(default)s)")
+
+
+def cluster(parser: argparse.ArgumentParser, help: str) -> None:
+    """The cluster of a sweep."""
+    parser.add_argument("--on", metavar="CLUSTER", help=f"{help}: the name of a folder in workflow/profiles, such as slurm")

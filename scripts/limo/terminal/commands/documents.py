@@ -52,7 +52,15 @@ def add_performance(commands: arguments.Commands) -> None:
     compared = doing.add_parser("beside", help="compare imports, planning and help with another checkout; both are set up")
     compared.add_argument("other", type=Path, metavar="CHECKOUT", help="folder of the other checkout")
     compared.add_argument("--tests", action="store_true", help="time `make test` in both instead, once")
+    swept = doing.add_parser(
+        "cluster", help="measure what a sweep on a cluster takes beside its solves; its node is this machine"
+    )
+    swept.add_argument("--on", default="slurm", metavar="CLUSTER", help="a folder in workflow/profiles (default: %(default)s)")
+    swept.add_argument("--swept", type=int, default=1000, metavar="N", help="cases of the sweep, 0: none (default: %(default)s)")
+    swept.add_argument("--planned", type=int, default=1000, metavar="N", help="cases of the rest (default: %(default)s)")
     printed = doing.add_parser("report", help="print the report")
+    for part in (swept, printed):
+        part.add_argument("--cluster", type=Path, default=Path("docs/data/cluster.csv"), help="its table (default: %(default)s)")
     for part in (recorded, printed):
         part.add_argument(
             "--table", type=Path, default=Path("docs/data/performance.csv"), help="the table (default: %(default)s)"
@@ -66,6 +74,7 @@ def add_performance(commands: arguments.Commands) -> None:
 
 
 def _performance(chosen: argparse.Namespace) -> None:
+    from limo.reports import cluster
     from limo.reports.entry import compare, compare_tests, entry_table, keep, read_entry
     from limo.reports.overhead import read_overhead, record_overhead
     from limo.reports.performance import read_measurements, record_batch, report
@@ -78,8 +87,12 @@ def _performance(chosen: argparse.Namespace) -> None:
         rows = (compare_tests if chosen.tests else compare)(Path.cwd(), chosen.other.resolve())
         keep(rows, chosen.entry)
         print(entry_table(rows))
+    elif chosen.doing == "cluster":
+        rows = cluster.measure(chosen.on, chosen.swept, chosen.planned)
+        print(cluster.cluster_table(cluster.keep(rows, chosen.cluster)))
     else:
-        print(report(read_measurements(chosen.table), read_overhead(chosen.overhead), read_entry(chosen.entry)), end="")
+        measured = read_overhead(chosen.overhead), read_entry(chosen.entry), cluster.read_cluster(chosen.cluster)
+        print(report(read_measurements(chosen.table), *measured), end="")
 
 
 def add_paper_check(commands: arguments.Commands) -> None:

@@ -1,4 +1,4 @@
-"""Commands on studies: check, sweep, status, table, new-study."""
+"""Commands on studies: check, sweep, jobs, status, table, new-study."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ def add_check(commands: arguments.Commands) -> None:
         "",
         "pressure_volume afterload --cores 8",
         "afterload --draw svg --mesh",
+        "afterload --on slurm",
     )
     arguments.studies(made)
     made.add_argument(
@@ -27,12 +28,17 @@ def add_check(commands: arguments.Commands) -> None:
     arguments.config(made)
     arguments.results(made)
     arguments.cores(made)
+    arguments.cluster(made, "say what a sweep there would ask for")
 
 
 def _check(chosen: argparse.Namespace) -> None:
     from limo.terminal.tables import plan_table
 
     print(plan_table(chosen.config, chosen.studies, chosen.results, chosen.cores))
+    if chosen.on:
+        from limo.terminal.cluster import check_on
+
+        print(check_on(chosen.on, chosen.config, chosen.studies, chosen.results))
     if chosen.draw:
         from limo.terminal.drawing import draw_studies
 
@@ -103,10 +109,16 @@ def add_sweep(commands: arguments.Commands) -> None:
         "run snakemake on studies and show their cases meanwhile",
         "pressure_volume",
         "afterload compliance --cores 8 -- --rerun-incomplete",
+        "--on slurm afterload",
     )
     arguments.studies(made, "those that the configuration runs")
     arguments.config(made)
     arguments.cores(made)
+    arguments.cluster(made, "submit it to a cluster instead of solving here")
+    made.add_argument(
+        "--left", choices=("refuse", "adopt", "cancel"), default="refuse",
+        help="with --on: what happens to jobs that an earlier sweep left: adopt waits for their results (default: %(default)s)",
+    )  # fmt: skip
     made.set_defaults(results=Path("results"))
 
 
@@ -114,12 +126,39 @@ def _sweep(chosen: argparse.Namespace) -> int:
     from limo.terminal import monitor
     from limo.terminal.status import open_sweep
 
-    sweep = open_sweep(chosen.config, chosen.studies, chosen.results, chosen.cores)
-    options = (chosen.config, chosen.studies, chosen.cores, chosen.options)
-    well = monitor.run_sweep(sweep, *options, monitor.console())
+    cores, how = chosen.cores, ["--cores", str(chosen.cores)]
+    if chosen.on:
+        from limo.terminal.cluster import ready
+
+        profile = ready(chosen.on, chosen.left)
+        cores, how = profile.jobs, ["--workflow-profile", str(profile.folder)]
+    sweep = open_sweep(chosen.config, chosen.studies, chosen.results, cores)
+    well = monitor.run_sweep(sweep, chosen.config, chosen.studies, [*how, *chosen.options], monitor.console())
     if not {"-n", "--dry-run", "--dryrun"} & {*chosen.options}:
         write_page_of(chosen)
     return arguments.DONE if well else arguments.FAILED
+
+
+def add_jobs(commands: arguments.Commands) -> None:
+    """``limo jobs``."""
+    made = commands.add(
+        _jobs,
+        "jobs",
+        "list this folder's jobs on Slurm, wait for those of a sweep that was killed, or end them",
+        "",
+        "adopt",
+        "cancel",
+    )
+    made.add_argument(
+        "doing", nargs="?", choices=("list", "adopt", "cancel"), default="list",
+        help="adopt: wait until all have ended, their results count; cancel: end them (default: %(default)s)",
+    )  # fmt: skip
+
+
+def _jobs(chosen: argparse.Namespace) -> None:
+    from limo.terminal import cluster
+
+    print({"list": cluster.list_jobs, "adopt": cluster.adopt_jobs, "cancel": cluster.cancel_jobs}[chosen.doing](Path.cwd()))
 
 
 def add_table(commands: arguments.Commands) -> None:

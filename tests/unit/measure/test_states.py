@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from limo.datasets.states import folded_otherwise, lowest, state_variables
+from limo.measure.states import folded_otherwise, lowest, state_variables
 
 POUCHES = [4, 6, 8, 10]
 
