@@ -18,7 +18,7 @@ from limo.terminal.completion import script
 COMMANDS = (
     "check", "new-study", "pattern", "status", "sweep", "show", "compare", "table", "benchmark", "performance", "clean",
     "completion", "paper-check", "gallery", "page", "accuracy", "reliability", "import-pattern", "docs", "tensile", "measured",
-    "derive-outline",
+    "derive-outline", "infer",
 )  # fmt: skip
 
 
