@@ -12,7 +12,7 @@ The number of pouches of a study of designs is the one with the least penalty of
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
@@ -110,10 +110,13 @@ def infer(file: Path, data: Path) -> pd.DataFrame:
         raise ConfigError(file, "used", f"{len(used)} of them", expected, f"used: [{', '.join(list(about)[:2])}]")
     first = [study.positions[0] for study in studies]
     costs: list[tuple[float, list[np.ndarray]]] = []
-    for places in product(*(study.grid() for study in studies)):
-        verdicts = [judged(s, with_seams(devices, studies, places))[1] for s in used]
+    on_grid = [[(place, study.at(place)) for place in study.grid()] for study in studies]
+    for chosen in product(*on_grid):
+        places = [place for place, _ in chosen]
+        tried = put_in(devices, {study.n_pouches: cases for study, (_, cases) in zip(studies, chosen, strict=True)})
+        verdicts = [judged(s, tried)[1] for s in used]
         away = np.concatenate([(p - f) / asked.prior_spread for p, f in zip(places, first, strict=True)])
-        costs.append((_penalty(verdicts) + 0.5 * float(away @ away), list(places)))
+        costs.append((_penalty(verdicts) + 0.5 * float(away @ away), places))
     least = min(cost for cost, _ in costs)
     found = next(places for cost, places in costs if cost == least)
     near = np.array([np.concatenate(places) for cost, places in costs if cost <= least + 0.5])
@@ -155,19 +158,25 @@ def seam_studies(dataset: xr.Dataset, source: str) -> list[SeamStudy]:
     return collected
 
 
-def with_seams(devices: xr.Dataset, studies: list[SeamStudy], places: list[np.ndarray]) -> xr.Dataset:
+def with_seams(devices: xr.Dataset, studies: list[SeamStudy], places: Sequence[np.ndarray]) -> xr.Dataset:
     """The devices of a study with those of some numbers of pouches put in, as they would be with seams at other positions."""
-    parts = []
-    for n_pouches in map(int, devices.n_pouches.values):
-        own = devices.sel(n_pouches=n_pouches)
-        for study, place in zip(studies, places, strict=True):
-            if study.n_pouches == n_pouches:
-                other = study.at(place)
-                names = [n for n in own.data_vars if n in other and own[n].dims == other[n].dims]
-                joined = {dim: own[dim] for dim in own.dims if dim in other.dims and dim in own.coords}
-                own = own.assign({n: other[n].reindex(joined | {}) if joined else other[n] for n in names})
-        parts.append(own)
-    return xr.concat(parts, "n_pouches", data_vars="all", coords="minimal", compat="override", join="outer")
+    return put_in(devices, {study.n_pouches: study.at(place) for study, place in zip(studies, places, strict=True)})
+
+
+def put_in(devices: xr.Dataset, others: Mapping[int, xr.Dataset]) -> xr.Dataset:
+    """The devices with those of some numbers of pouches replaced, at the coordinates that both have; NaN at the rest."""
+    numbers = devices.n_pouches.values.tolist()
+    replaced = {}
+    for name, own in devices.data_vars.items():
+        values = own.transpose("n_pouches", ...).copy() if "n_pouches" in own.dims else None
+        for n_pouches, other in others.items() if values is not None else ():
+            if name in other and n_pouches in numbers:
+                place = numbers.index(n_pouches)
+                same = {dim: values[dim] for dim in values.dims[1:] if dim in other[name].coords}
+                values[place] = other[name].reindex(same).transpose(*values.dims[1:]).values
+        if values is not None:
+            replaced[name] = values.transpose(*own.dims)
+    return devices.assign(replaced)
 
 
 def _penalty(verdicts: list[str]) -> float:

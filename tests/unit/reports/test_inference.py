@@ -9,6 +9,7 @@ import xarray as xr
 import yaml
 
 from limo.errors import ConfigError, LimoError
+from limo.reports import inference
 from limo.reports.inference import SeamStudy, infer, read_inference, seam_studies
 from limo.reports.paper_check import check, read_inferred, read_studies
 from limo.terminal.cli import main
@@ -42,6 +43,12 @@ def seams(afterload, eta=rising):
     return dataset.assign_attrs(config=json.dumps({"settings": settings}))
 
 
+@pytest.fixture(autouse=True)
+def coarse(monkeypatch):
+    """Fewer positions than usual, the prior among them: each takes a few hundredths of a second."""
+    monkeypatch.setattr(inference, "GRID", 5)
+
+
 @pytest.fixture
 def folder(data, tmp_path):  # noqa: F811
     """Datasets of which all statements hold, but that N_p = 10 is less efficient than the paper's range with the prior."""
@@ -60,7 +67,7 @@ def asked(root, tmp_path):
     """``asked(**changes)``: the shipped question with other keys."""
 
     def write(**changes):
-        values = yaml.safe_load((root / "config/inference.yaml").read_text(encoding="utf-8"))
+        values = yaml.safe_load((root / "config/inferences/seams.yaml").read_text(encoding="utf-8"))
         file = tmp_path / "inference.yaml"
         file.write_text(yaml.safe_dump(values | changes), encoding="utf-8")
         return file
@@ -77,7 +84,7 @@ def test_known_seams_and_pouches_are_found_again(asked, folder):
     assert 0.565 <= inner.inferred <= 0.60, "the nearest to the prior that brings N_p = 10 into the paper's range"
     assert inner.low <= inner.inferred <= inner.high
     assert places.inferred["N_p = 6"] == 0.62, "nothing depends on it, so that the prior stays"
-    assert places.inferred["N_p = 10, seam 2"] == 1.3
+    assert places.inferred["N_p = 10, seam 2"] == pytest.approx(1.3)
     said = rows[rows.kind == "statement"].set_index("name")
     assert said.loc["efficiencies at 90 ml", ["inference", "prior", "inferred"]].tolist() == ["used", "partly", "reproduced"]
     assert said.loc["efficiency falls with N_p", ["inference", "inferred"]].tolist() == ["held out", "reproduced"]
@@ -147,13 +154,14 @@ def test_the_paper_check_says_which_rows_were_used(asked, folder, capsys):
     assert "N_p = 10, seam 1" in capsys.readouterr().out
     rows = check(read_studies(folder), read_inferred(folder)).set_index("statement")
     question = read_inference(asked())
-    assert {t for t in rows.index if rows.inference[t] == "used"} == set(question.used)
-    assert {t for t in rows.index if rows.inference[t] == "held out"} == set(question.held_out)
+    asked_of = rows.study.isin(["afterload", "valve_support"])  # of compliance there is N_p = 6 alone: nothing to choose
+    for role, texts in (("used", question.used), ("held out", question.held_out)):
+        assert set(rows.index[rows.inference == role]) == {text for text in texts if asked_of[text]}
     assert rows.inference["the device holds 300 ml"] == "not used"
 
 
 def test_the_shipped_question_holds_half_out(root):
-    question = read_inference(root / "config/inference.yaml")
+    question = read_inference(root / "config/inferences/seams.yaml")
     assert abs(len(question.used) - len(question.held_out)) <= 1
 
 

@@ -257,10 +257,12 @@ def add_infer(commands: arguments.Commands) -> None:
         "infer",
         "infer unknown seams and numbers of pouches from half of the paper's statements; the other half tests them",
         "",
-        "--data results/studies --file config/inference.yaml",
+        "--data results/studies --file config/inferences/seams.yaml",
     )
     made.add_argument("--data", type=Path, default=Path("results/studies"), help="folder of datasets (default: %(default)s)")
-    made.add_argument("--file", type=Path, default=Path("config/inference.yaml"), help="what is asked (default: %(default)s)")
+    made.add_argument(
+        "--file", type=Path, default=Path("config/inferences/seams.yaml"), help="what is asked (default: %(default)s)"
+    )
     made.add_argument("--table", type=Path, default=Path("results/inference.csv"), help="default: %(default)s")
 
 
