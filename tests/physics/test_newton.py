@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import re
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -303,9 +304,10 @@ def handed_to_calculix(model: Model, u: np.ndarray, folder: Path, before: float,
 
 
 @pytest.mark.parametrize(("n_pouches", "dofs", "element"), [(4, 3000, "C3D20R"), (8, 8000, "C3D20R"), (4, 3000, "C3D20")])
-def test_calculix_stays_where_newton_rests_and_goes_where_it_goes(case, tmp_path, n_pouches, dofs, element):
+def test_calculix_stays_where_newton_rests_and_goes_where_it_goes(loaded, case, tmp_path, n_pouches, dofs, element):
     """The state at P_a = 0 is an equilibrium of CalculiX too, and under 2 kPa more both change the volumes alike."""
-    model = device(case, n_pouches, dofs=dofs, element=element)
+    # one whose wrinkles on so coarse a mesh do not snap under 2 kPa
+    model = device(replace(case, device=loaded.devices["limo_2025"]), n_pouches, dofs=dofs, element=element)
     path, last = solved(model)
     first = path.displacements(int(np.flatnonzero(path.stage == newton.HOLD)[-1]))
     assert residual(model, first, 0.0).full < 1e-5

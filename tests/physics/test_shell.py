@@ -122,8 +122,9 @@ def test_the_square_airbag_rises_as_high_as_published(case, elements):
 
 
 @pytest.fixture(scope="module")
-def device(case) -> tuple[Model, newton.LoadPath]:
-    """A small device that was actuated, and the path that it took."""
+def device(loaded, case) -> tuple[Model, newton.LoadPath]:
+    """A small device that was actuated, and the path that it took: one whose fuller successor locks on this mesh with bricks."""
+    case = replace(case, device=loaded.devices["limo_2025"])
     case = tight(case, element=ELEMENT, symmetry="quarter", ventricular_pressure=3.8, actuation_pressure_max=20.0)
     model = build_model(case, small_mesh(case, 8000, "quarter"))
     path = newton.solve(model, Solver())

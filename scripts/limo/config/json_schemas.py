@@ -10,12 +10,13 @@ from typing import Any
 from limo.schema.accuracy import Airbag
 from limo.schema.config import Config
 from limo.schema.device import Device
+from limo.schema.inference import Inference
 from limo.schema.study import Study
 
 
 def json_schemas() -> dict[str, dict[str, Any]]:
-    """The JSON schemas of the four kinds of configuration file, by file name."""
-    models = {"config": Config, "study": Study, "device": Device, "airbag": Airbag}
+    """The JSON schemas of the five kinds of configuration file, by file name."""
+    models = {"config": Config, "study": Study, "device": Device, "airbag": Airbag, "inference": Inference}
     return {f"{name}.schema.json": model.model_json_schema() for name, model in models.items()}
 
 

@@ -14,11 +14,12 @@ from limo.reports.markdown import markdown_table
 from limo.schema.accuracy import Airbag
 from limo.schema.config import Config
 from limo.schema.device import Device
+from limo.schema.inference import Inference
 from limo.schema.section import FILE, NAME, Section
 from limo.schema.study import Study
 
 #: the models of the kinds of file, in the order of the reference; a section that several use stands with the first of them
-KINDS: dict[str, type[Section]] = {"study": Study, "config": Config, "device": Device, "airbag": Airbag}
+KINDS: dict[str, type[Section]] = {"study": Study, "config": Config, "device": Device, "airbag": Airbag, "inference": Inference}
 #: what texts of a pattern are called
 PATTERNS = {NAME: "name", FILE: "name of a file"}
 #: units that descriptions state, longest first

@@ -20,7 +20,7 @@ import xarray as xr
 
 from limo.datasets.curves import at_end
 from limo.errors import LimoError
-from limo.reports.markdown import markdown_table
+from limo.reports.markdown import markdown_table, read_rows
 from limo.store.files import write_whole
 from limo.store.statuses import CONVERGED, MISSING
 
@@ -30,6 +30,8 @@ VERDICTS = ("reproduced", "partly", "not", "no data")
 RISE, ONSET_SHARE = 2.0, 0.05
 #: kPa above P_v at which the pouches have begun to inflate
 BEGUN = 1.0
+#: the table of an inference beside the datasets whose geometry came from it
+INFERRED = "inference.csv"
 SEALED = ("seam", "valve_edge", "outer_edge")
 
 
@@ -421,17 +423,20 @@ STATEMENTS = (
 # the table
 
 
-def check(datasets: Mapping[str, xr.Dataset]) -> pd.DataFrame:
+def check(datasets: Mapping[str, xr.Dataset], inferred: Mapping[str, str] | None = None) -> pd.DataFrame:
     """One row a statement from the datasets of studies by name; a statement whose study is not among them has no verdict.
+
+    ``inferred``: by statement, whether unknown geometry of these datasets was inferred from it (``used``) or not (``held out``).
+    Without an inference no statement was used.
 
     Numbers and verdicts are those of the first branch. Where studies have several, ``branches`` counts those with that verdict,
     of those of which every case was solved.
     """
-    rows = []
+    rows, inferred = [], inferred or {}
     for statement in STATEMENTS:
         branches, lacks = _branches(datasets.get(statement.study))
         first = statement.readings[statement.reading]
-        collected = [_judged(first, branch) for branch in branches] or [("-", "no data")]
+        collected = [_found(first, branch) for branch in branches] or [("-", "no data")]
         if lacks:
             collected = [(lacks, "no data")]
         ours, verdict = collected[0]
@@ -446,12 +451,13 @@ def check(datasets: Mapping[str, xr.Dataset]) -> pd.DataFrame:
                 "verdict": verdict,
                 "branches": f"{sum(v == verdict for _, v in collected)} of {len(collected)}",
                 "read otherwise": "; ".join(f"{name}: {other} ({text})" for name, (text, other) in differing.items()),
+                "inference": inferred.get(statement.text, ""),
                 "study": statement.study,
                 "what is known": "" if verdict in ("reproduced", "no data") else statement.known,
             }
         )
     several = any("branch" in d.dims for d in datasets.values())
-    return pd.DataFrame(rows).drop(columns=[] if several else "branches")
+    return pd.DataFrame(rows).drop(columns=[] if several else "branches").replace({"inference": {"": "not used"}})
 
 
 def _branches(dataset: xr.Dataset | None) -> tuple[list[xr.Dataset], str]:
@@ -466,16 +472,22 @@ def _branches(dataset: xr.Dataset | None) -> tuple[list[xr.Dataset], str]:
 
 def _differing(statement: Statement, dataset: xr.Dataset, verdict: str) -> dict[str, tuple[str, str]]:
     """What the other readings of a statement find, where that is another verdict, by reading."""
-    found = {name: _judged(judge, dataset) for name, judge in statement.readings.items() if name != statement.reading}
+    found = {name: _found(judge, dataset) for name, judge in statement.readings.items() if name != statement.reading}
     return {name: (text, other) for name, (text, other) in found.items() if other not in (verdict, "no data")}
 
 
-def _judged(judge: Judge, dataset: xr.Dataset) -> tuple[str, str]:
+def _found(judge: Judge, dataset: xr.Dataset) -> tuple[str, str]:
     """What one branch has to say to a statement: what was found and the verdict."""
     try:
         return judge(on_grid(dataset))
     except (AttributeError, KeyError, ValueError, IndexError) as error:  # other outputs, or another grid
         return f"not in this dataset: {error}".replace("\n", " ")[:120], "no data"
+
+
+def judged(statement: Statement, dataset: xr.Dataset, begins: str = "") -> tuple[str, str]:
+    """What one solution of a study has to say to a statement, by its reading that counts, or by the first that ``begins`` so."""
+    name = next((name for name in statement.readings if name.startswith(begins)), statement.reading)
+    return _found(statement.readings[name], dataset)
 
 
 def on_grid(dataset: xr.Dataset) -> xr.Dataset:
@@ -486,14 +498,28 @@ def on_grid(dataset: xr.Dataset) -> xr.Dataset:
 
 def read_studies(data: Path) -> dict[str, xr.Dataset]:
     """The datasets in a folder, ``<study>/study.nc`` or ``<study>.nc``, that statements need. Raises ``LimoError``."""
-    collected = {}
-    for name in dict.fromkeys(statement.study for statement in STATEMENTS):
-        for file in (p for p in (data / f"{name}.nc", data / name / "study.nc") if p.exists()):
-            try:
-                collected[name] = xr.load_dataset(file)
-            except (OSError, ValueError) as error:
-                raise LimoError(f"{file}: not a study's dataset ({error})") from None
-    return collected
+    collected = {name: read_dataset(data, name) for name in dict.fromkeys(statement.study for statement in STATEMENTS)}
+    return {name: dataset for name, dataset in collected.items() if dataset is not None}
+
+
+def read_dataset(data: Path, name: str) -> xr.Dataset | None:
+    """The dataset of a study in such a folder; None without one. Raises ``LimoError`` for one that cannot be read."""
+    dataset = None
+    for file in (p for p in (data / f"{name}.nc", data / name / "study.nc") if p.exists()):
+        try:
+            dataset = xr.load_dataset(file)
+        except (OSError, ValueError) as error:
+            raise LimoError(f"{file}: not a study's dataset ({error})") from None
+    return dataset
+
+
+def read_inferred(data: Path) -> dict[str, str]:
+    """By statement, whether an inference that is kept beside datasets used it (``limo infer --table``); none without one."""
+    file = data / INFERRED
+    if not file.exists():
+        return {}
+    rows = read_rows(file, "an inference", ("kind", "name", "inference"), keep_default_na=False)
+    return dict(rows[rows.kind == "statement"][["name", "inference"]].itertuples(index=False))
 
 
 def write_check(data: Path, table: Path, page: Path, beside: Path | None = None) -> str:
@@ -510,7 +536,7 @@ def write_check(data: Path, table: Path, page: Path, beside: Path | None = None)
 
 def compared(data: Path, beside: Path | None = None) -> pd.DataFrame:
     """The table of a folder of datasets, with a column for those of another one."""
-    rows = check(read_studies(data))
+    rows = check(read_studies(data), read_inferred(data))
     if beside:
         other = check(read_studies(beside))
         rows.insert(list(rows).index("study"), str(beside), other.verdict + ": " + other.ours)
@@ -525,7 +551,8 @@ def page_of(rows: pd.DataFrame, data: Path, table: Path, beside: Path | None) ->
         "statement about many cases is `reproduced` if it holds for all of them, and `partly` if it holds for at least half. A "
         "statement about a number has two bands, which `scripts/limo/reports/paper_check.py` states. `reading` says how a judge "
         "reads the paper; `read otherwise` lists other readings with their verdicts where these differ. Nothing is tuned to turn "
-        "a row green, except the documented geometry (`docs/geometry.md`)."
+        "a row green, except the documented geometry (`docs/geometry.md`). `inference` says whether unknown geometry was "
+        "inferred from a row (`used`), or a row was `held out` to test it; `not used`: nothing was inferred for these data."
     )
     if "branches" in rows:
         sentences += (

@@ -31,6 +31,7 @@ COMMANDS = (
     cases.add_benchmark,
     documents.add_performance,
     documents.add_paper_check,
+    documents.add_infer,
     documents.add_gallery,
     documents.add_reliability,
     documents.add_accuracy,

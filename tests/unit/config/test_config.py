@@ -747,7 +747,7 @@ def test_schema_file_is_the_one_the_models_generate(root, name):
     assert json.loads((root / "workflow/schemas" / name).read_text()) == json.loads(json.dumps(json_schemas()[name]))
 
 
-KINDS = (("device", "devices"), ("study", "studies"), ("airbag", "airbags"))
+KINDS = (("device", "devices"), ("study", "studies"), ("airbag", "airbags"), ("inference", "inferences"))
 
 
 @pytest.mark.parametrize(("schema", "pattern"), [("config", "*.yaml"), *((kind, f"{folder}/*.yaml") for kind, folder in KINDS)])

@@ -18,7 +18,7 @@ from limo.terminal.completion import script
 COMMANDS = (
     "check", "new-study", "pattern", "status", "sweep", "show", "compare", "table", "benchmark", "performance", "clean",
     "completion", "paper-check", "gallery", "page", "accuracy", "reliability", "import-pattern", "docs", "tensile", "measured",
-    "derive-outline", "jobs",
+    "derive-outline", "jobs", "infer",
 )  # fmt: skip
 
 

@@ -261,3 +261,26 @@ def _docs(chosen: argparse.Namespace) -> None:
         print("\n".join(write_documents(Path(), names)) or "all documents are up to date")
     elif found := stale(Path(), names):
         raise LimoError(f"not up to date: {', '.join(found)}; limo docs writes them")
+
+
+def add_infer(commands: arguments.Commands) -> None:
+    """``limo infer``."""
+    made = commands.add(
+        _infer,
+        "infer",
+        "infer unknown seams and numbers of pouches from half of the paper's statements; the other half tests them",
+        "",
+        "--data results/studies --file config/inferences/seams.yaml",
+    )
+    made.add_argument("--data", type=Path, default=Path("results/studies"), help="folder of datasets (default: %(default)s)")
+    made.add_argument(
+        "--file", type=Path, default=Path("config/inferences/seams.yaml"), help="what is asked (default: %(default)s)"
+    )
+    made.add_argument("--table", type=Path, default=Path("results/inference.csv"), help="default: %(default)s")
+
+
+def _infer(chosen: argparse.Namespace) -> None:
+    from limo.reports.inference import write_inference
+
+    print(write_inference(chosen.file, chosen.data, chosen.table))
+    print(chosen.table)

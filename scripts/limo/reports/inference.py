@@ -1,0 +1,222 @@
+"""Unknown geometry inferred from a stated half of the paper's statements, from solved studies alone; the other half tests it.
+
+The seams of N_p = 6 and 10 are positions f, multiples of the reference seam. A study has cases at some positions. Curves between
+them are interpolated, so that nothing is solved here. For positions on a grid the study ``Inference.devices`` is judged with the
+interpolated devices put in. With s the penalty of a verdict (0 reproduced, 1 partly, 2 not) the positions inferred minimise
+
+    sum of s over the statements used + sum of ((f - f_prior) / spread)^2 / 2.
+
+The number of pouches of a study of designs is the one with the least penalty of the statements used of it.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from limo.config.yaml_file import parse, read_yaml
+from limo.errors import ConfigError, LimoError
+from limo.reports.paper_check import STATEMENTS, Statement, judged, read_dataset
+from limo.schema.inference import Inference
+from limo.store.files import write_whole
+from limo.store.statuses import USABLE
+
+PENALTIES = {"reproduced": 0.0, "partly": 1.0, "not": 2.0}
+#: positions along each unknown
+GRID = 7
+#: how many more statements than unknowns an inference takes at least
+SPARE = 1
+COLUMNS = ("kind", "name", "study", "inference", "prior", "inferred", "low", "high")
+
+
+@dataclass(frozen=True)
+class SeamStudy:
+    """Solved devices of one number of pouches at several seam positions (variant, unknown); the first ones are the prior."""
+
+    n_pouches: int
+    positions: np.ndarray
+    cases: xr.Dataset
+
+    @property
+    def names(self) -> list[str]:
+        """What the unknowns are called."""
+        off_axis = self.positions.shape[1]
+        return [f"N_p = {self.n_pouches}, seam {k + 1}" if off_axis > 1 else f"N_p = {self.n_pouches}" for k in range(off_axis)]
+
+    def at(self, place: np.ndarray) -> xr.Dataset:
+        """Its cases at other positions (unknown,): numbers interpolated linearly, texts those of the nearest variant."""
+        weights = self._weights(place)
+        nearest = int(np.argmin(np.linalg.norm(self.positions - place, axis=1)))
+        whole = {n: v.isel(variant=nearest, drop=True) for n, v in self.cases.data_vars.items()}
+        whole |= {
+            n: (v * xr.DataArray(weights, dims="variant")).sum("variant", skipna=False).transpose(*whole[n].dims)
+            for n, v in self.cases.data_vars.items()
+            if v.dtype.kind == "f"
+        }
+        return xr.Dataset(whole)
+
+    def _weights(self, place: np.ndarray) -> np.ndarray:
+        """Weights (variant,) of linear radial functions with a linear trend, which reproduce the variants themselves."""
+        from scipy.interpolate import RBFInterpolator
+
+        return RBFInterpolator(self.positions, np.eye(len(self.positions)), kernel="linear", degree=1)(place[None])[0]
+
+    def grid(self) -> Iterator[np.ndarray]:
+        """Positions between the outermost of the variants, the prior first."""
+        yield self.positions[0]
+        ends = zip(self.positions.min(axis=0), self.positions.max(axis=0), strict=True)
+        yield from map(np.array, product(*(np.linspace(low, high, GRID) for low, high in ends)))
+
+
+def read_inference(file: Path) -> Inference:
+    """The inference that a file describes. Raises ``ConfigError`` for statements that are none, and for too few of them."""
+    asked = parse(Inference, read_yaml(file), file)
+    known = {s.text: s for s in STATEMENTS}
+    for key in ("used", "held_out"):
+        for text in getattr(asked, key):
+            if text not in known:
+                raise ConfigError(file, key, text, "a statement of docs/paper_check.md", f"{key}: [{STATEMENTS[4].text}]")
+            if known[text].study not in (asked.devices, *asked.designs):
+                expected = f"a statement about {', '.join((asked.devices, *asked.designs))}"
+                raise ConfigError(file, key, text, expected, f"{key}: [{STATEMENTS[4].text}]")
+    return asked
+
+
+def infer(file: Path, data: Path) -> pd.DataFrame:
+    """What is inferred from the datasets in a folder: a row an unknown, and a row a statement with its verdict before and after.
+
+    Raises ``ConfigError`` for a mistake in ``file`` and too few statements for the unknowns, ``LimoError`` for datasets that are
+    not there or lack cases.
+    """
+    asked = read_inference(file)
+    devices, seams = (read_dataset(data, name) for name in (asked.devices, asked.seams))
+    if devices is None or seams is None:
+        name = asked.devices if devices is None else asked.seams
+        raise LimoError(f"{data}: no dataset of {name}; snakemake --cores 2 {name} makes it")
+    devices, seams = (d.isel(branch=0, drop=True) if "branch" in d.dims else d for d in (devices, seams))
+    studies = seam_studies(seams, f"{data}/{asked.seams}")
+    about = {s.text: s for s in STATEMENTS if s.study == asked.devices}
+    used = [about[text] for text in asked.used if text in about]
+    unknowns = sum(study.positions.shape[1] for study in studies)
+    if len(used) < unknowns + SPARE:
+        expected = f"{unknowns + SPARE} or more statements about {asked.devices} for {unknowns} unknown positions"
+        raise ConfigError(file, "used", f"{len(used)} of them", expected, f"used: [{', '.join(list(about)[:2])}]")
+    first = [study.positions[0] for study in studies]
+    costs: list[tuple[float, list[np.ndarray]]] = []
+    on_grid = [[(place, study.at(place)) for place in study.grid()] for study in studies]
+    for chosen in product(*on_grid):
+        places = [place for place, _ in chosen]
+        tried = put_in(devices, {study.n_pouches: cases for study, (_, cases) in zip(studies, chosen, strict=True)})
+        verdicts = [judged(s, tried)[1] for s in used]
+        away = np.concatenate([(p - f) / asked.prior_spread for p, f in zip(places, first, strict=True)])
+        costs.append((_penalty(verdicts) + 0.5 * float(away @ away), places))
+    least = min(cost for cost, _ in costs)
+    found = next(places for cost, places in costs if cost == least)
+    near = np.array([np.concatenate(places) for cost, places in costs if cost <= least + 0.5])
+    rows = [
+        {"kind": "position", "name": name, "study": asked.seams, "prior": prior, "inferred": value, "low": low, "high": high}
+        for name, prior, value, low, high in zip(
+            [n for study in studies for n in study.names],
+            np.concatenate(first),
+            np.concatenate(found),
+            near.min(axis=0),
+            near.max(axis=0),
+            strict=True,
+        )
+    ]
+    before, after = (with_seams(devices, studies, places) for places in (first, found))
+    rows += [_tested(s, asked, judged(s, before)[1], judged(s, after)[1]) for s in about.values()]
+    for name in asked.designs:
+        rows += _number_of_pouches(asked, name, data)
+    return pd.DataFrame(rows, columns=list(COLUMNS))
+
+
+def seam_studies(dataset: xr.Dataset, source: str) -> list[SeamStudy]:
+    """The numbers of pouches of a study over seams, each with the positions that its configuration states.
+
+    Raises ``LimoError`` where one has fewer than two more usable variants than unknowns.
+    """
+    settings = json.loads(dataset.attrs["config"])["settings"]
+    collected = []
+    for n_pouches in map(int, dataset.n_pouches.values):
+        one = dataset.sel(n_pouches=n_pouches)
+        dims = [d for d in one.case_status.dims if d != "variant"]
+        usable = one.case_status.isin(USABLE).all(dims).values
+        kept = one.isel(variant=usable)
+        listed = [settings[str(v)]["device"]["pattern"]["seams"]["fractions"][str(n_pouches)] for v in one.variant.values[usable]]
+        positions = np.array([[f for f in fractions if f > 0] for fractions in listed], float)
+        if len(positions) < positions.reshape(len(positions), -1).shape[1] + 2 or not usable[0]:
+            raise LimoError(f"{source}: N_p = {n_pouches} has {len(positions)} usable variants, too few to interpolate between")
+        collected.append(SeamStudy(n_pouches, positions, kept))
+    return collected
+
+
+def with_seams(devices: xr.Dataset, studies: list[SeamStudy], places: Sequence[np.ndarray]) -> xr.Dataset:
+    """The devices of a study with those of some numbers of pouches put in, as they would be with seams at other positions."""
+    return put_in(devices, {study.n_pouches: study.at(place) for study, place in zip(studies, places, strict=True)})
+
+
+def put_in(devices: xr.Dataset, others: Mapping[int, xr.Dataset]) -> xr.Dataset:
+    """The devices with those of some numbers of pouches replaced, at the coordinates that both have; NaN at the rest."""
+    numbers = devices.n_pouches.values.tolist()
+    replaced = {}
+    for name, own in devices.data_vars.items():
+        values = own.transpose("n_pouches", ...).copy() if "n_pouches" in own.dims else None
+        for n_pouches, other in others.items() if values is not None else ():
+            if name in other and n_pouches in numbers:
+                place = numbers.index(n_pouches)
+                same = {dim: values[dim] for dim in values.dims[1:] if dim in other[name].coords}
+                values[place] = other[name].reindex(same).transpose(*values.dims[1:]).values
+        if values is not None:
+            replaced[name] = values.transpose(*own.dims)
+    return devices.assign(replaced)
+
+
+def _penalty(verdicts: list[str]) -> float:
+    return sum(PENALTIES.get(verdict, 2.0) for verdict in verdicts)
+
+
+def _tested(statement: Statement, asked: Inference, before: str, after: str) -> dict[str, object]:
+    """A row on a statement: whether it was used, and its verdicts with the prior and with what was inferred."""
+    role = {**dict.fromkeys(asked.used, "used"), **dict.fromkeys(asked.held_out, "held out")}.get(statement.text, "")
+    return {
+        "kind": "statement",
+        "name": statement.text,
+        "study": statement.study,
+        "inference": role,
+        "prior": before,
+        "inferred": after,
+    }
+
+
+def _number_of_pouches(asked: Inference, name: str, data: Path) -> list[dict[str, object]]:
+    """Rows on a study of designs: the number of pouches that its statements prefer, and verdicts with the first and with that."""
+    dataset = read_dataset(data, name)
+    about = [s for s in STATEMENTS if s.study == name]
+    if dataset is None or dataset.sizes.get("n_pouches", 1) < 2:
+        return []
+    dataset = dataset.isel(branch=0, drop=True) if "branch" in dataset.dims else dataset
+    verdicts: Mapping[int, dict[str, str]] = {
+        int(n): {s.text: judged(s, dataset.sel(n_pouches=[n]), f"N_p = {int(n)}: ")[1] for s in about}
+        for n in dataset.n_pouches.values
+    }
+    costs = {n: _penalty([found[text] for text in asked.used if text in found]) for n, found in verdicts.items()}
+    first, chosen = next(iter(costs)), min(costs, key=lambda n: (costs[n], n))
+    row = {"kind": "pouches", "name": f"N_p of {name}", "study": name, "prior": first, "inferred": chosen}
+    equal = [n for n, cost in costs.items() if cost <= costs[chosen] + 0.5]
+    tested = [_tested(s, asked, verdicts[first][s.text], verdicts[chosen][s.text]) for s in about]
+    return [row | {"low": min(equal), "high": max(equal)}, *tested]
+
+
+def write_inference(file: Path, data: Path, table: Path) -> str:
+    """Infer, keep the table, and return what to print."""
+    rows = infer(file, data)
+    write_whole(table, lambda path: rows.to_csv(path, index=False, float_format="%.3g"))
+    return rows.to_string(index=False, na_rep="", float_format=lambda value: f"{value:.3g}")
