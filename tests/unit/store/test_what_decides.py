@@ -27,7 +27,7 @@ DECIDES = {
     "mechanics.volumes:volumes": SOLVE,
     "mechanics.energy:ramp_balance": SOLVE,
     "mechanics.build:valve_displacements": {*SOLVE, *SCALING, *OF_FRAMES, *ERRORS, "stress_test", "time_case"},
-    "mechanics.kinematics:green_lagrange": {*SOLVE, *AIRBAG, *OF_FRAMES},
+    "mechanics.kinematics:green_lagrange": {*SOLVE, *AIRBAG, *OF_FRAMES, "measure_scaling newton"},
     "mechanics.constitutive:von_mises": {*SOLVE, *OF_FRAMES},
     "bench.tensile:fit_tensile": {"fit_material"},
     "bench.compare:relative_l2": {"gather_study", *ERRORS},
