@@ -173,6 +173,7 @@ def everything(tmp_path_factory: pytest.TempPathFactory) -> Project:
         project = make_project(folder)
         project.study(
             "tiny",
+            device="limo_2025",  # its pattern has good elements on so coarse a mesh
             axes={"n_pouches": [4], "ventricular_pressure": [3.8], "width_scale": [0.9]},
             engine="newton",
             variants={"plain": {}},

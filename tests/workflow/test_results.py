@@ -33,6 +33,10 @@ CLASSIC = {"S1", "int8", "int16", "int32", "float32", "float64"}
 ONLY_AFTER_A_SNAP = {"measures.nc": {"buckling_difference"}}
 
 
+#: what only statuses of devices say that are fitted on coarser meshes first, or by several ways
+NESTED = {"begun_at", "fit_cpu_seconds", "not_begun_at", "ways[].via", "ways[].potential_energy_mj"}
+
+
 def files(everything, pattern: str) -> list[Path]:
     found = sorted((everything.folder / "results").glob(pattern))
     assert found, pattern
@@ -78,8 +82,9 @@ def test_every_key_of_a_status_and_of_a_case_is_documented(everything):
             found |= keys({k: v if k != "files" else "" for k, v in data.items()}, depth)
         documented = set(table(name))
         assert found <= documented, f"not documented: {sorted(found - documented)}"
-        # a stock build of the solver has not what a tuned one says of itself
-        assert all(key.startswith("solver.") for key in documented - found), sorted(documented - found)
+        # a stock build of the solver has not what a tuned one says of itself, and these devices are fitted on one mesh
+        absent = {key for key in documented - found if not key.startswith("solver.")} - NESTED
+        assert not absent, sorted(absent)
 
 
 def test_every_column_of_a_table_is_a_documented_variable(everything):

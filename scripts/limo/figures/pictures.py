@@ -169,7 +169,7 @@ class Grid:
 #: room below the colour bar for a line of small print, and width of one of its letters, in inches
 _LINE, _LETTER = 0.12, 0.047
 #: what the star behind a pressure means
-STAR = "* front and back would touch here; the model has no contact"
+STAR = "* front and back would touch here, or pass through each other"
 
 
 def with_notes(grid: Grid, columns: int, notes: list[str]) -> tuple[Grid, str]:
