@@ -116,7 +116,12 @@ def bars_of_branches(axis, places: np.ndarray, values: xr.DataArray, factor: flo
 
 
 def shown_cases(dataset: xr.Dataset) -> tuple[xr.Dataset, str]:
-    """The cases of a study that its figures show, and how many these are; all and nothing where they can be told apart."""
+    """The cases of a study that its figures show, and how many these are; all and nothing where they can be told apart.
+
+    A dataset without cases, such as that of an airbag, as it is.
+    """
+    if "case_status" not in dataset:
+        return dataset, ""
     sizes = {name: dataset.sizes[name] for name in dataset.case_status.dims}
     shown = dataset.isel(shown_places(sizes))
     count, left = (d.case_status.size // d.sizes.get("branch", 1) for d in (dataset, shown))
