@@ -133,8 +133,8 @@ def test_a_result_on_another_mesh_is_degraded_says_so_and_is_measured_there(case
     solved, own = newton.solve, mesh_device(one.mesh_content())
     write_mesh(own, tmp_path / "own.vtu")
 
-    def fails_on_its_own_mesh(model, solver, after=None):
-        path = solved(model, solver, after=after)
+    def fails_on_its_own_mesh(model, solver, start=None, after=None):
+        path = solved(model, solver, start, after)
         return replace(path, status="diverged", reason="no") if len(model.mesh.quads) == len(own.quads) else path
 
     monkeypatch.setattr(newton, "solve", fails_on_its_own_mesh)
