@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import shutil
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -56,7 +57,7 @@ def install(folder: Path, solved: Path, seconds: float) -> dict[str, str]:
     return os.environ | {"PYTHONPATH": path, SECONDS: str(seconds), SOLVED: str(solved)}
 
 
-def solve_case(case: Case, mesh_file: Path, folder: Path, settings: Any) -> dict[str, Any]:
+def solve_case(case: Case, mesh_file: Path, folder: Path, settings: Any, fit: Sequence[Path] = ()) -> dict[str, Any]:
     """In the place of ``limo.solve.case.solve_case``: wait, and copy."""
     time.sleep(float(os.environ[SECONDS]))
     return copy_solved(case, Path(os.environ[SOLVED]) / case.mesh_id, folder, settings.recovery)
