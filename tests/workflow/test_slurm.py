@@ -201,10 +201,12 @@ def look(capsys, *studies: str) -> dict[str, str]:
 
 
 def test_a_sweep_on_slurm_gives_what_a_local_one_gives_and_is_seen_meanwhile(tiny, tmp_path, capsys):
-    project = tiny(3, outputs=["volumes", "stress"])
+    fails = {"numerics": {"newton": {"iterations": 5}}}
+    project = tiny(2, outputs=["volumes", "stress"], variants={"plain": {}, "fails": fails})
+    project.edit("config.yaml", lambda d: d.update(recovery={"newton": [], "calculix": []}))
     assert main(["check", "--on", "slurm", "tiny"]) == 0
     checked = capsys.readouterr().out
-    assert "on slurm: 5 jobs, at most 100 at once" in checked, "three cases, their dataset, and a look at the node"
+    assert "on slurm: 6 jobs, at most 100 at once" in checked, "four cases, their dataset, and a look at the node"
     assert "core hours are predicted" in checked
     local = Project(tmp_path / "local")
     shutil.copytree(project.folder / "config", local.folder / "config")
@@ -222,15 +224,16 @@ def test_a_sweep_on_slurm_gives_what_a_local_one_gives_and_is_seen_meanwhile(tin
 
     with ended(sweep, project):
         wait_for(watched, lambda: said(project))
-    assert sweep.returncode == 0, said(project)
+    assert sweep.returncode == 3, "some cases failed: " + said(project)
     assert runs, "on the node's own disk"
     assert all((case / "run").is_dir() and not (case / "run").is_symlink() for case in runs)
-    assert {"waiting", "queued", "running", "converged"} <= seen, "two processors, three cases"
+    assert {"waiting", "queued", "running", "converged", "diverged"} <= seen, "two processors, four cases"
     assert beside.wait(PATIENCE) == 0, said(local)
     here, there = (xr.load_dataset(p.folder / "results/studies/tiny/study.nc").drop_vars(TIMES) for p in (local, project))
     for dataset in (here, there):
         dataset.attrs.pop("git_commit", None)  # someone may commit meanwhile
     xr.testing.assert_identical(here, there)
+    assert sorted(map(str, here.case_status.values.ravel())) == ["converged", "converged", "diverged", "diverged"]
     assert list(Results(project.folder / "results").slurm_logs.rglob("*.log")) == []
 
 
