@@ -102,11 +102,10 @@ def test_layers_pass_each_other_by_less_than_a_twentieth_of_the_thickness(case, 
     contact = Touching(model.contact, model.mesh.nodes)
     plane, pairs = contact.gaps(model.mesh.nodes + model.midsurface(u))
     thickness = case.device.material.thickness
-    deepest = np.sort(np.append(plane, pairs))
-    # of the full device, some points lie in the sharp fold of the tail, where more than 100 kPa press
-    assert deepest[len(deepest) // 200 if symmetry == "full" else 0] > -0.05 * thickness
-    assert deepest[0] > -0.1 * thickness
-    assert (pairs < model.contact.reach).mean() > 0.3, "most layers touch"
+    # a crease on so coarse a mesh folds single elements of the edge inside themselves, and then their points face all ways
+    whole = np.isfinite(pairs).all(axis=1)
+    assert min(plane.min(initial=0.0), pairs[whole].min()) > -0.05 * thickness
+    assert (pairs[whole] < model.contact.reach).mean() > 0.3, "most layers touch"
     assert residual(model, u, path.pressure[-1], precision="float64").full < 1e-3, "said by the independent check"
 
 

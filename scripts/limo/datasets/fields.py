@@ -213,7 +213,7 @@ def _write_all(model: Model, frames: CaseFrames, wanted: Wanted, fatigue: Fatigu
         if "strain" not in wanted.drawn:
             continue
         strain = inside_out(model.mesh, layer_state(model, u, surface_points(), source).strain)
-        points = model.mesh.nodes + model.expansion.midsurface(u)
+        points = model.middle(u)
         for side in DEVICE_SIDES:
             lines = [s for face in np.unique(model.mesh.face) for s in streamlines(model.mesh, strain, points, side, int(face))]
             for geometry in ("reference", "deformed"):

@@ -305,7 +305,7 @@ def _lines(model: Model, u: np.ndarray, source: Path) -> dict[str, np.ndarray]:
     """Streamlines of v_1 on both sides of the part that was solved."""
     mesh = model.mesh
     strain = inside_out(mesh, layer_state(model, u, surface_points(), source).strain)
-    points = mesh.nodes + model.expansion.midsurface(u)
+    points = model.middle(u)
     sides = []
     for side in DEVICE_SIDES:
         lines = [(line, face) for face in np.unique(mesh.face) for line in streamlines(mesh, strain, points, side, int(face))]

@@ -203,7 +203,7 @@ def _contact(values: dict, model: Model, frames: CaseFrames) -> None:
     order, thickness = np.argsort(frames.pressure), model.fabric.thickness
     touching = []
     for k in order:
-        middle = model.mesh.nodes + model.expansion.midsurface(frames.displacement[k].astype(float))
+        middle = model.middle(frames.displacement[k].astype(float))
         crossed = front_through_back(model.mesh, middle, thickness), endo_through_epi(model.mesh, middle)
         touching.append([len(places) > 0 for places in crossed])
     for j, name in enumerate(("contact_front_back", "contact_endo_epi")):

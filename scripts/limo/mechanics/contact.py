@@ -10,8 +10,9 @@ and tangent are exact. The contact acts as a pressure p = -psi'(g) on both layer
 
     p = k (r - g)^2 / (4 r) for |g| < r,   p = -k g below
 
-so that the tangent has no jump: with one, layers that lie on each other open and close from iteration to iteration. In models
-with the plane of symmetry z = 0 the inner layers have it for their other surface: g = z.
+so that the tangent has no jump: with one, layers that lie on each other open and close from iteration to iteration. Layers
+that face away from each other, as beside a seam that is wide open, do not touch: the mean of their tangents says nothing of a
+gap. In models with the plane of symmetry z = 0 the inner layers have it for their other surface: g = z.
 
 r is a stated share of the thickness, and k is 100 kPa over r, by which layers then pass each other. It is the same for all
 P_a,max, so that a case that goes further passes through the same states. What is left of gap and penetration is proportional
@@ -103,20 +104,24 @@ class Touching:
         self.weights = weights
 
     def _areas(self, quads: np.ndarray) -> np.ndarray:
-        first, second = (np.einsum("gn,mnk->mgk", slope, self._rest[quads]) for slope in self.slopes)
-        return np.linalg.norm(np.cross(first, second), axis=-1)
+        return np.linalg.norm(np.cross(*self._tangents(self._rest[quads])), axis=-1)
 
     def gaps(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """g in mm at places x (n, 3): of the plane (p, g), and of pairs (q, g)."""
+        """g in mm at places x (n, 3): of the plane (p, g), and of pairs (q, g), infinite where they face away from each other."""
         plane = np.einsum("gn,mn->mg", self.values, x[self.contact.plane, 2])
         delta, first, second = self._parts(x, slice(None))
-        return plane, np.einsum("mgk,mgk->mg", delta, np.cross(first, second)) / self.pair_area
+        gap = np.einsum("mgk,mgk->mg", delta, np.cross(first, second)) / self.pair_area
+        lower, upper = (np.cross(*self._tangents(x[quads])) for quads in (self.contact.lower, self.contact.upper))
+        return plane, np.where(np.einsum("mgk,mgk->mg", lower, upper) > 0, gap, np.inf)
+
+    def _tangents(self, nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """a_1 and a_2 (q, g, 3) of quadrilaterals with nodes (q, 8, 3)."""
+        return tuple(np.einsum("gn,mnk->mgk", slope, nodes) for slope in self.slopes)
 
     def _parts(self, x: np.ndarray, pairs: np.ndarray | slice) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """delta, a_1 and a_2 (q, g, 3) of some pairs."""
         lower, upper = x[self.contact.lower[pairs]], x[self.contact.upper[pairs]]
-        mean = 0.5 * (lower + upper)
-        return tuple(np.einsum("gn,mnk->mgk", f, v) for f, v in ((self.values, upper - lower), *((s, mean) for s in self.slopes)))
+        return np.einsum("gn,mnk->mgk", self.values, upper - lower), *self._tangents(0.5 * (lower + upper))
 
     def _near(self, gaps: np.ndarray) -> np.ndarray:
         """Numbers (a,) of pairs with gaps (q, g) below the reach."""

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from limo.mechanics import shell
-from limo.mechanics.contact import Touching
 from limo.mechanics.kinematics import deformation_gradient, energy_and_extremes, green_lagrange
 from limo.mechanics.model import Model
 from limo.mechanics.volumes import flux
@@ -36,9 +35,8 @@ def energy_and_extremes_of(model: Model, displacements: np.ndarray) -> tuple[flo
     """Strain energy of the full device in mJ (N mm), with the quadrature of the model's element and what its contact stores;
     smallest det F and stretch across the layer."""
     energy, *extremes = part_energy_and_extremes(model, displacements)
-    if model.contact is not None:
-        middle = model.mesh.nodes + model.midsurface(displacements)
-        energy += Touching(model.contact, model.mesh.nodes).energy(middle)
+    if (touching := model.touching) is not None:
+        energy += touching.energy(model.middle(displacements))
     return model.mesh.copies * energy, *extremes
 
 

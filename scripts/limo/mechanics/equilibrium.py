@@ -18,7 +18,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from limo.mechanics import shell
-from limo.mechanics.contact import Touching
 from limo.mechanics.kinematics import deformation_gradient, green_lagrange
 from limo.mechanics.layer import LayerState, layer_state
 from limo.mechanics.model import KPA, Model, reduction, scatter
@@ -52,9 +51,8 @@ def internal_forces(model: Model, displacements: np.ndarray, source: object = "f
 def contact_forces(model: Model, displacements: np.ndarray) -> np.ndarray:
     """What the contact of layers adds to f_int (n, 3) in N: half on the bottom and half on the top node of each."""
     total = np.zeros((len(model.nodes), 3))
-    if model.contact is not None:
-        middle = model.mesh.nodes + model.midsurface(displacements)
-        forces = 0.5 * Touching(model.contact, model.mesh.nodes).forces(middle)
+    if (touching := model.touching) is not None:
+        forces = 0.5 * touching.forces(model.middle(displacements))
         total[model.expansion.bottom], total[model.expansion.top] = forces, forces
     return total
 

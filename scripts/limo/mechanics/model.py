@@ -11,7 +11,7 @@ from typing import Protocol
 import numpy as np
 import scipy  # its parts are imported when they are used
 
-from limo.mechanics.contact import Contact
+from limo.mechanics.contact import Contact, Touching
 from limo.mesh.elements import HEX20_BOTTOM, HEX20_TOP
 from limo.mesh.layers import LAYERS
 from limo.schema.accuracy import AirbagNumerics
@@ -166,6 +166,15 @@ class Model:
     def midsurface(self, displacements: np.ndarray) -> np.ndarray:
         """Displacements (n, 3) of the model's nodes -> those of the mesh's nodes, on the middle surface (n_shell, 3)."""
         return displacements if self.element.is_shell else self.expansion.midsurface(displacements)
+
+    def middle(self, displacements: np.ndarray) -> np.ndarray:
+        """Where the mesh's nodes (n_shell, 3) are on the middle surface, in mm, at displacements (n, 3) of the model's nodes."""
+        return self.mesh.nodes + self.midsurface(displacements)
+
+    @property
+    def touching(self) -> Touching | None:
+        """The contact of its layers from where they lie at first, made anew; None where all may pass."""
+        return None if self.contact is None else Touching(self.contact, self.mesh.nodes)
 
 
 def scatter(forces: np.ndarray, nodes: np.ndarray, count: int) -> np.ndarray:

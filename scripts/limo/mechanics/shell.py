@@ -11,8 +11,7 @@ between nodes:
 
 with the area A of an element. Thin layers have E_a3 = E_33 = 0 in the limit, whatever s is, and elements no larger than the
 layer is thick have nearly s = 1. With s = 1 on larger ones, folds that the mesh does not resolve lock: Lyly, Stenberg and
-Vihinen (1993), *Comput. Methods Appl. Mech. Eng.* 110, 343-357, weaken the shear of plates like this. The measured choice of c is
-in docs/accuracy.md.
+Vihinen (1993), *Comput. Methods Appl. Mech. Eng.* 110, 343-357, weaken the shear of plates like this.
 
 Units: mm, N, MPa. Layers need not be flat: strains and stresses are taken along axes of each point.
 """

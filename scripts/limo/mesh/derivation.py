@@ -20,7 +20,8 @@ import numpy as np
 import pandas as pd
 import shapely
 
-from limo.errors import LimoError, MeshError
+from limo.errors import LimoError
+from limo.mesh.flat import gmsh_model
 from limo.store.files import write_whole
 
 #: characteristic length over the device's length: 40 elements on the valve edge, 0.7932 L, leave 0.0198 to 0.0209
@@ -194,19 +195,8 @@ def count_elements(candidate: Candidate, size: float = SIZE) -> dict[str, int]:
     All patches are plane surfaces, recombined with gmsh's defaults; ``size`` is the characteristic length at every point. Raises
     ``MeshError`` where gmsh fails.
     """
-    import gmsh
-
-    gmsh.initialize(["-v", "0"], readConfigFiles=False, interruptible=False)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
-        gmsh.option.setNumber("General.NumThreads", 1)
-        return _counted(gmsh.model, candidate, size)
-    except Exception as error:
-        if type(error) is not Exception:  # gmsh raises bare Exception; anything else is not its doing
-            raise
-        raise MeshError(f"gmsh could not mesh a candidate: {error}") from error
-    finally:
-        gmsh.finalize()
+    with gmsh_model("a candidate", {}) as model:
+        return _counted(model, candidate, size)
 
 
 def _counted(model, candidate: Candidate, size: float) -> dict[str, int]:

@@ -6,7 +6,10 @@ and the same input gives the same bytes.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -39,33 +42,36 @@ def mesh_pattern(pattern: FlatPattern, size: float, grading: float, strategy: tu
     mesh of twice the size is recombined and every element split, which leaves quadrilaterals only. Raises ``MeshError``
     when gmsh fails; folded elements are the caller's to judge.
     """
+    options = {
+        "Mesh.MeshSizeExtendFromBoundary": 0,
+        "Mesh.MeshSizeFromPoints": 0,
+        "Mesh.MeshSizeFromCurvature": 0,
+        "Mesh.Algorithm": strategy[0],
+        "Mesh.RecombineAll": 1,
+        "Mesh.RecombinationAlgorithm": strategy[1],
+        "Mesh.SubdivisionAlgorithm": 1,
+        "Mesh.SecondOrderIncomplete": 1,
+        "Mesh.RandomSeed": 1,
+    }
+    with gmsh_model(f"N_p = {pattern.n_pouches} at size {size:.3g} mm", options) as model:
+        model.add("pattern")
+        return _run_gmsh(model, pattern, size, grading)
+
+
+@contextmanager
+def gmsh_model(what: str, options: Mapping[str, float]) -> Iterator[Any]:
+    """The model of a session of gmsh of its own, quiet, on one thread. Raises ``MeshError`` about ``what`` where gmsh fails."""
     import gmsh
 
     gmsh.initialize(["-v", "0"], readConfigFiles=False, interruptible=False)
     try:
-        options = {
-            "General.Terminal": 0,
-            "General.NumThreads": 1,
-            "Mesh.MeshSizeExtendFromBoundary": 0,
-            "Mesh.MeshSizeFromPoints": 0,
-            "Mesh.MeshSizeFromCurvature": 0,
-            "Mesh.Algorithm": strategy[0],
-            "Mesh.RecombineAll": 1,
-            "Mesh.RecombinationAlgorithm": strategy[1],
-            "Mesh.SubdivisionAlgorithm": 1,
-            "Mesh.SecondOrderIncomplete": 1,
-            "Mesh.RandomSeed": 1,
-        }
-        for name, value in options.items():
+        for name, value in {"General.Terminal": 0, "General.NumThreads": 1, **options}.items():
             gmsh.option.setNumber(name, value)
-        gmsh.model.add("pattern")
-        return _run_gmsh(gmsh.model, pattern, size, grading)
-    except MeshError:
-        raise
+        yield gmsh.model
     except Exception as error:
         if type(error) is not Exception:  # gmsh raises bare Exception; anything else is not its doing
             raise
-        raise MeshError(f"gmsh could not mesh N_p = {pattern.n_pouches} at size {size:.3g} mm: {error}") from error
+        raise MeshError(f"gmsh could not mesh {what}: {error}") from error
     finally:
         gmsh.finalize()
 

@@ -171,8 +171,7 @@ def _event_increments(history: xr.Dataset) -> dict[Event, tuple[int, int]]:
 
 def _volumes(model: Model, u: np.ndarray) -> tuple[float, ...]:
     """V_v, V_a on the middle surface, with the paper's triangles, and swept by the loaded faces (mm^3)."""
-    mesh = model.mesh
-    middle = mesh.nodes + model.midsurface(u)
+    mesh, middle = model.mesh, model.middle(u)
     conjugate = (np.nan, np.nan) if model.element.is_shell else conjugate_volumes(model, u)
     return *volumes(mesh, middle), *volumes(mesh, middle, flux_triangles), *conjugate
 

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from limo.mechanics.contact import Contact, Touching, contact_of
+from limo.mesh.elements import QUAD8
 from limo.mesh.layers import LAYERS
 
 PENALTY, REACH = 2.0, 0.02  # MPa / mm, mm
@@ -84,6 +86,19 @@ def test_two_flat_layers_pressed_into_each_other_push_with_k_g(device_mesh):
     forces = alone.forces(both @ turn.T) @ turn
     assert forces[:count, 2].sum() == pytest.approx(PENALTY * gap * area, rel=1e-9)
     assert np.abs(forces[:count].sum(axis=0) + forces[count:].sum(axis=0)).max() < 1e-9 * PENALTY * gap * area
+
+
+@pytest.mark.parametrize("angle", [100.0, 150.0, 180.0, 200.0, 260.0])
+def test_layers_that_are_wide_open_do_not_touch(angle):
+    """Beside a seam, where the mean of their tangents vanishes or turns round."""
+    flat = np.column_stack([2.5 * (QUAD8 + 1), np.zeros(8)])
+    turned = flat @ Rotation.from_euler("y", -angle, degrees=True).as_matrix().T
+    quad = np.arange(8)[None]
+    touching = Touching(Contact(np.empty((0, 8), int), quad, quad + 8, PENALTY, REACH), np.vstack([flat, flat]))
+    open_pair = np.vstack([flat, turned])
+    assert touching.energy(open_pair) == 0.0
+    assert not touching.forces(open_pair).any()
+    assert touching.energy(np.vstack([flat, flat])) > 0
 
 
 def test_forces_are_the_slope_of_the_energy(mesh, touching):

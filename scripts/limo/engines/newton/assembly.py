@@ -13,7 +13,6 @@ import numpy as np
 from limo.engines.newton import kernels
 from limo.engines.newton.faces import Faces
 from limo.errors import ResultError
-from limo.mechanics.contact import Touching
 from limo.mechanics.kinematics import lame
 from limo.mechanics.model import Model, reduction, scatter
 from limo.mesh.elements import HEX20_BOTTOM, HEX20_TOP, gauss, hex20_shape
@@ -61,7 +60,7 @@ class Assembly:
         self.volume = np.linalg.det(jacobian) * weights
         self.lame = np.stack(lame(model.youngs_modulus, model.fabric.poisson_ratio), axis=1)
         self.faces = Faces(model, lambda load: shell.bricks[load.quads][:, SIDES[load.side]], shell.nodes, len(model.nodes))
-        self.touching = None if model.contact is None else Touching(model.contact, model.mesh.nodes)
+        self.touching = model.touching
         self._placed: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
         self._known: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
         self._constrain()
@@ -108,12 +107,8 @@ class Assembly:
     def contact_forces(self, u: np.ndarray) -> np.ndarray:
         """What touching layers add to f_int (n, 3): half of it on the bottom, half on the top."""
         shell, found = self.model.expansion, np.zeros(u.shape)
-        found[shell.bottom] = found[shell.top] = 0.5 * self.touching.forces(self.middle(u))
+        found[shell.bottom] = found[shell.top] = 0.5 * self.touching.forces(self.model.middle(u))
         return found
-
-    def middle(self, u: np.ndarray) -> np.ndarray:
-        """Where the middle surface's nodes (n_shell, 3) are, in mm."""
-        return self.model.mesh.nodes + self.model.midsurface(u)
 
     def drag(self, u: np.ndarray, moved: np.ndarray) -> np.ndarray:
         """How f_int (n, 3) changes from displacements u (n, 3) along ``moved`` (n, 3), prescribed ones included.

@@ -55,7 +55,7 @@ class ContactTangent:
     def add(self, values: np.ndarray, assembly: Assembly | ShellAssembly, u: np.ndarray) -> None:
         """Add the tangent at displacements u (n, 3) to the values of a pattern."""
         if self._matrix is not None:
-            tangents = tangent_of(assembly.touching, assembly.middle(u))
+            tangents = tangent_of(assembly.touching, assembly.model.middle(u))
             values[: self._matrix.shape[0]] += self._matrix @ np.concatenate([each.ravel() for each in tangents])
 
 

@@ -20,6 +20,8 @@ def pair_tangents(x, lower, upper, values, first, second, area, weights, penalty
         out[:] = 0.0
         for g in range(len(values)):
             d0 = d1 = d2 = u0 = u1 = u2 = v0 = v1 = v2 = 0.0
+            # half of how far the tangents of the upper layer are from those of the lower one
+            e0 = e1 = e2 = h0 = h1 = h2 = 0.0
             for n in range(8):
                 low, high = x[lower[q, n]], x[upper[q, n]]
                 f, s, t = values[g, n], 0.5 * first[g, n], 0.5 * second[g, n]
@@ -35,9 +37,21 @@ def pair_tangents(x, lower, upper, values, first, second, area, weights, penalty
                 v0 += t * (high[0] + low[0])
                 v1 += t * (high[1] + low[1])
                 v2 += t * (high[2] + low[2])
+                e0 += s * (high[0] - low[0])
+                e1 += s * (high[1] - low[1])
+                e2 += s * (high[2] - low[2])
+                h0 += t * (high[0] - low[0])
+                h1 += t * (high[1] - low[1])
+                h2 += t * (high[2] - low[2])
             across0, across1, across2 = u1 * v2 - u2 * v1, u2 * v0 - u0 * v2, u0 * v1 - u1 * v0
             gap = (d0 * across0 + d1 * across1 + d2 * across2) / area[q, g]
-            if gap >= reach:
+            # normals of both layers are across + e x h, plus and minus e x v + u x h
+            p0, p1, p2 = across0 + e1 * h2 - e2 * h1, across1 + e2 * h0 - e0 * h2, across2 + e0 * h1 - e1 * h0
+            w0 = e1 * v2 - e2 * v1 + u1 * h2 - u2 * h1
+            w1 = e2 * v0 - e0 * v2 + u2 * h0 - u0 * h2
+            w2 = e0 * v1 - e1 * v0 + u0 * h1 - u1 * h0
+            facing = p0 * p0 + p1 * p1 + p2 * p2 - w0 * w0 - w1 * w1 - w2 * w2
+            if gap >= reach or facing <= 0:
                 continue
             if gap < -reach:
                 pressure, stiff = -penalty * gap, penalty

@@ -24,7 +24,6 @@ from limo.engines.newton import shell_kernels
 from limo.engines.newton.contact import ContactTangent
 from limo.engines.newton.faces import Faces
 from limo.errors import ResultError
-from limo.mechanics.contact import Touching
 from limo.mechanics.model import Expansion, Model
 from limo.mechanics.shell import axes_of, stiffness
 from limo.mesh.elements import HEX20_BOTTOM, HEX20_TOP, gauss, hex20_shape
@@ -49,7 +48,7 @@ class ShellAssembly:
         middle = 0.5 * (shell.nodes[shell.top] + shell.nodes[shell.bottom])
         self.faces = Faces(model, lambda load: self.quads[load.quads], middle, 2 * count)
         self._constrain()
-        self.touching = None if model.contact is None else Touching(model.contact, model.mesh.nodes)
+        self.touching = model.touching
         self._placed: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
         self._known: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
 
@@ -153,11 +152,7 @@ class ShellAssembly:
 
     def contact_forces(self, u: np.ndarray) -> np.ndarray:
         """What touching layers add to f_int (2 N, 3)."""
-        return np.vstack([self.touching.forces(self.middle(u)), np.zeros((self.count, 3))])
-
-    def middle(self, u: np.ndarray) -> np.ndarray:
-        """Where the middle surface's nodes (N, 3) are, in mm."""
-        return self.model.mesh.nodes + self.of_slots(u)[: self.count]
+        return np.vstack([self.touching.forces(self.model.middle(u)), np.zeros((self.count, 3))])
 
     def drag(self, u: np.ndarray, moved: np.ndarray) -> np.ndarray:
         """How f_int (2 N, 3) changes from displacements u (n, 3) along ``moved`` (n, 3), prescribed ones included."""
