@@ -11,6 +11,7 @@ import xarray as xr
 from limo.cases.grid import study_grid
 from limo.config.project import Project
 from limo.datasets.gather import GridArrays, Member, frame_labels, members
+from limo.measure.contact import CONTACTS
 from limo.measure.quantities import FRAME, LABELS, MEASURES, Measure
 from limo.schema.pressures import is_beyond, reaches, same_pressure
 from limo.schema.study import Study
@@ -72,7 +73,7 @@ def _up_to(measured: xr.Dataset, maximum: float) -> xr.Dataset:
         measured[name] = measured[name].where(~beyond)
     pressures = measured.frame_pressure.values
     last = max(pressures[reaches(maximum, pressures)], default=np.nan)
-    for name in ("contact_front_back", "contact_endo_epi"):
+    for name in CONTACTS:
         if not reaches(maximum, measured[name]):
             measured[f"{name}_clear"] = np.fmin(measured[f"{name}_clear"], last).assign_attrs(measured[f"{name}_clear"].attrs)
             measured[name] = measured[name].where(False)

@@ -19,7 +19,7 @@ from limo.cases.case import Case
 from limo.cases.wanted import Wanted
 from limo.errors import LimoError, ResultError
 from limo.measure.buckling import MOST_EVENTS, displacement_difference, events, largest_events
-from limo.measure.contact import endo_through_epi, first_contact, front_through_back
+from limo.measure.contact import CONTACTS, endo_through_epi, first_contact, front_through_back, outer_through_outer
 from limo.measure.fatigue import ENDURANCE, FLAGS, cycles_to_failure, largest_amplitude
 from limo.measure.frames import CaseFrames, open_case
 from limo.measure.quantities import LABELS, MEASURES
@@ -204,9 +204,13 @@ def _contact(values: dict, model: Model, frames: CaseFrames) -> None:
     touching = []
     for k in order:
         middle = model.middle(frames.displacement[k].astype(float))
-        crossed = front_through_back(model.mesh, middle, thickness), endo_through_epi(model.mesh, middle)
+        crossed = (
+            front_through_back(model.mesh, middle, thickness),
+            endo_through_epi(model.mesh, middle, thickness),
+            outer_through_outer(model.mesh, middle, thickness),
+        )
         touching.append([len(places) > 0 for places in crossed])
-    for j, name in enumerate(("contact_front_back", "contact_endo_epi")):
+    for j, name in enumerate(CONTACTS):
         clear, first = first_contact(frames.pressure[order], np.array(touching)[:, j])
         values[f"{name}_clear"][()], values[name][()] = clear, first
 

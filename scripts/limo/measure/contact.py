@@ -1,6 +1,7 @@
-"""Where layers would touch: the model has no contact, so they pass through each other, and this says so.
+"""Where layers pass through each other: those that have no contact in the model do, and this says so.
 
-Crossings are found on the middle surfaces, as triangles of one layer pierced by sides of triangles of the other.
+Crossings are found on the middle surfaces, as triangles of one layer pierced by sides of triangles of the other. Endocardium and
+epicardium are pairs that lie on each other in the flat state, so that the gap between them is known.
 """
 
 from __future__ import annotations
@@ -8,9 +9,12 @@ from __future__ import annotations
 import numpy as np
 from shapely import STRtree, box
 
+from limo.mechanics.contact import Touching, contact_of
 from limo.mesh.elements import QUAD8_TRIANGLES
 from limo.mesh.layers import LAYERS, DeviceMesh
 
+#: measures of contact, in the order of their columns
+CONTACTS = ("contact_front_back", "contact_endo_epi", "contact_outer")
 _SIDES = np.array([[0, 1], [1, 2], [2, 0]])
 
 
@@ -58,10 +62,19 @@ def _pierced(points: np.ndarray, sides_of: np.ndarray, faces: np.ndarray, moved:
     return origin[hit] + t[hit, None] * along[hit]
 
 
-def endo_through_epi(mesh: DeviceMesh, points: np.ndarray) -> np.ndarray:
-    """Places (c, 3) where endocardium and epicardium cross, from middle-surface positions (n, 3) in mm."""
-    layer = {name: triangles(mesh.quads[mesh.layer == LAYERS.index(name)]) for name in ("endo", "epi")}
-    return crossings(points, layer["endo"], layer["epi"])
+def endo_through_epi(mesh: DeviceMesh, points: np.ndarray, thickness: float) -> np.ndarray:
+    """Places (c, 3) where endocardium and epicardium have passed each other, from middle-surface positions (n, 3) in mm.
+
+    By more than ``thickness`` (mm) along their common normal at integration points, as ``limo.mechanics.contact`` has it: layers
+    that touch come to a twentieth of that beyond each other, and in sharp creases further.
+    """
+    contact = contact_of(mesh, front_back=False, endo_epi=True, penalty=1.0, reach=thickness)
+    if contact is None:
+        return np.empty((0, 3))
+    touching = Touching(contact, mesh.nodes)
+    _, gaps = touching.gaps(points)
+    places = np.einsum("gn,mnk->mgk", touching.values, points[contact.lower])
+    return places[gaps < -thickness]
 
 
 def front_through_back(mesh: DeviceMesh, points: np.ndarray, thickness: float) -> np.ndarray:
@@ -77,6 +90,25 @@ def front_through_back(mesh: DeviceMesh, points: np.ndarray, thickness: float) -
         return crossings(points, front, back, apart=2 * thickness)
     nodes = np.unique(mesh.quads[inner])
     return points[nodes[points[nodes, 2] < -thickness]]
+
+
+def outer_through_outer(mesh: DeviceMesh, points: np.ndarray, thickness: float) -> np.ndarray:
+    """Places (c, 3) where outer surfaces cross: epicardia of two pouches, folds of the wall, or the wall and a pouch.
+
+    In a part of the device its mirror images count, too: nodes more than ``thickness`` (mm) beyond the plane x = 0 of a quarter,
+    and of the epicardium beyond z = 0. Positions (n, 3) in mm.
+    """
+    epi, pouch = mesh.layer == LAYERS.index("epi"), mesh.pouch
+    wall = triangles(mesh.quads[mesh.layer == LAYERS.index("wall")])
+    pouches = [triangles(mesh.quads[epi & (pouch == p)]) for p in np.unique(pouch[epi])]
+    found = [_pierced(points, wall, wall, np.zeros(3))]
+    for k, one in enumerate(pouches):
+        found += [crossings(points, one, other) for other in (wall, *pouches[:k])]
+    for symmetric, axis, quads in (("quarter", 0, mesh.quads), ("quarter front_back", 2, mesh.quads[epi])):
+        if mesh.symmetry in symmetric.split():
+            nodes = np.unique(quads)
+            found.append(points[nodes[points[nodes, axis] < -thickness]])
+    return np.vstack(found)
 
 
 def first_contact(pressures: np.ndarray, touching: np.ndarray) -> tuple[float, float]:

@@ -63,8 +63,10 @@ MEASURES = {
     "buckling_displacement": Measure(("event",), "1", "largest displacement difference across an event, over the length"),
     "contact_front_back_clear": Measure((), "kPa", "highest P_a of a frame before front and back would touch"),
     "contact_front_back": Measure((), "kPa", "lowest P_a of a frame in which front and back would touch"),
-    "contact_endo_epi_clear": Measure((), "kPa", "highest P_a of a frame before endocardium and epicardium would cross"),
-    "contact_endo_epi": Measure((), "kPa", "lowest P_a of a frame in which endocardium and epicardium cross"),
+    "contact_endo_epi_clear": Measure((), "kPa", "highest P_a of a frame before endocardium and epicardium pass each other"),
+    "contact_endo_epi": Measure((), "kPa", "lowest P_a of a frame in which endocardium and epicardium have passed each other"),
+    "contact_outer_clear": Measure((), "kPa", "highest P_a of a frame before outer surfaces cross"),
+    "contact_outer": Measure((), "kPa", "lowest P_a of a frame in which outer surfaces cross: pouches, or folds of the wall"),
 }
 
 

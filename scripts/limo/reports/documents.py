@@ -31,7 +31,7 @@ from limo.store.files import write_whole
 #: where the kept data lie in the project's folder
 DATA, GALLERY = Path("docs/data"), Path("docs/gallery")
 #: the datasets that the paper is checked with, and those beside them
-CHECKED, BESIDE = GALLERY / "standard/data", GALLERY / "data"
+CHECKED, BESIDE = GALLERY / "standard/data", {"as_in_paper": GALLERY / "as_in_paper/data", "calculix": GALLERY / "data"}
 
 
 def _parts(document: str, parts: Callable[[Path], dict[str, Callable[[], str]]]) -> Callable[[Path], str]:
@@ -63,7 +63,7 @@ def _paper_page(root: Path) -> str:
 
 
 def _compared(root: Path) -> pd.DataFrame:
-    return paper_check.compared(root / CHECKED, root / BESIDE).rename(columns={str(root / BESIDE): str(BESIDE)})
+    return paper_check.compared(root / CHECKED, {name: root / folder for name, folder in BESIDE.items()})
 
 
 def _schema(name: str) -> Callable[[Path], str]:
@@ -78,6 +78,7 @@ DOCUMENTS: dict[str, Callable[[Path], str]] = {
     "docs/geometry.md": _parts("docs/geometry.md", geometry.parts),
     "docs/gallery/README.md": _gallery("config.yaml", ""),
     "docs/gallery/standard/README.md": _gallery("standard.yaml", "standard"),
+    "docs/gallery/as_in_paper/README.md": _gallery("as_in_paper.yaml", "as_in_paper"),
     "docs/paper_check.csv": _paper_table,
     "docs/paper_check.md": _paper_page,
     "docs/performance.md": _performance,

@@ -20,6 +20,7 @@ import xarray as xr
 
 from limo.datasets.curves import at_end
 from limo.errors import LimoError
+from limo.measure.states import lowest
 from limo.reports.markdown import markdown_table, read_rows
 from limo.store.files import write_whole
 from limo.store.statuses import CONVERGED, MISSING
@@ -429,18 +430,16 @@ def check(datasets: Mapping[str, xr.Dataset], inferred: Mapping[str, str] | None
     ``inferred``: by statement, whether unknown geometry of these datasets was inferred from it (``used``) or not (``held out``).
     Without an inference no statement was used.
 
-    Numbers and verdicts are those of the first branch. Where studies have several, ``branches`` counts those with that verdict,
-    of those of which every case was solved.
+    Numbers and verdicts are those of the solutions of least energy at rest. Where studies have several branches, ``branches``
+    counts those with that verdict, of those of which every case was solved.
     """
     rows, inferred = [], inferred or {}
     for statement in STATEMENTS:
-        branches, lacks = _branches(datasets.get(statement.study))
+        shown, branches, lacks = _branches(datasets.get(statement.study))
         first = statement.readings[statement.reading]
-        collected = [_found(first, branch) for branch in branches] or [("-", "no data")]
-        if lacks:
-            collected = [(lacks, "no data")]
-        ours, verdict = collected[0]
-        differing = {} if lacks or not branches else _differing(statement, branches[0], verdict)
+        ours, verdict = (lacks, "no data") if lacks else _found(first, shown) if branches else ("-", "no data")
+        collected = [(ours, verdict)] if lacks or not branches else [_found(first, branch) for branch in branches]
+        differing = {} if lacks or not branches else _differing(statement, shown, verdict)
         rows.append(
             {
                 "section": statement.section,
@@ -460,14 +459,14 @@ def check(datasets: Mapping[str, xr.Dataset], inferred: Mapping[str, str] | None
     return pd.DataFrame(rows).drop(columns=[] if several else "branches").replace({"inference": {"": "not used"}})
 
 
-def _branches(dataset: xr.Dataset | None) -> tuple[list[xr.Dataset], str]:
-    """The solutions of a study, the first one and those others of which every case was solved; and what the first one lacks."""
+def _branches(dataset: xr.Dataset | None) -> tuple[xr.Dataset | None, list[xr.Dataset], str]:
+    """The lowest solutions of a study, the branches of which every case was solved (the first in any case), and what it lacks."""
     if dataset is None:
-        return [], ""
+        return None, [], ""
     first, *others = [dataset.sel(branch=b) for b in dataset.branch] if "branch" in dataset.dims else [dataset]
     missing = int((first.case_status == MISSING).sum())
     lacks = f"{missing} of {first.case_status.size} cases are not solved yet" if missing else ""
-    return [first, *(branch for branch in others if not (branch.case_status == MISSING).any())], lacks
+    return lowest(dataset), [first, *(branch for branch in others if not (branch.case_status == MISSING).any())], lacks
 
 
 def _differing(statement: Statement, dataset: xr.Dataset, verdict: str) -> dict[str, tuple[str, str]]:
@@ -522,30 +521,40 @@ def read_inferred(data: Path) -> dict[str, str]:
     return dict(rows[rows.kind == "statement"][["name", "inference"]].itertuples(index=False))
 
 
-def write_check(data: Path, table: Path, page: Path, beside: Path | None = None) -> str:
+def write_check(data: Path, table: Path, page: Path, beside: Mapping[str, Path] | None = None) -> str:
     """Write the table as CSV and as a page of documentation; returns a line with the count of each verdict.
 
-    ``beside``: datasets of another mesh or engine, whose verdicts get a column.
+    ``beside``: by name the datasets of other models, whose verdicts get a column each.
     """
     rows = compared(data, beside)
     write_whole(table, lambda path: rows.to_csv(path, index=False))
     write_whole(page, lambda path: path.write_text(page_of(rows, data, table, beside), encoding="utf-8"))
-    counts = rows.verdict.value_counts()
-    return ", ".join(f"{counts.get(v, 0)} {v}" for v in VERDICTS)
+    return _counts(rows.verdict)
 
 
-def compared(data: Path, beside: Path | None = None) -> pd.DataFrame:
-    """The table of a folder of datasets, with a column for those of another one."""
+def compared(data: Path, beside: Mapping[str, Path] | None = None) -> pd.DataFrame:
+    """The table of a folder of datasets, with a column for those of each of the others, and where a statement holds."""
     rows = check(read_studies(data), read_inferred(data))
+    holds = {"ours": rows.verdict == "reproduced"}
+    for name, folder in (beside or {}).items():
+        other = check(read_studies(folder))
+        rows.insert(list(rows).index("study"), name, other.verdict + ": " + other.ours)
+        holds[name] = other.verdict == "reproduced"
     if beside:
-        other = check(read_studies(beside))
-        rows.insert(list(rows).index("study"), str(beside), other.verdict + ": " + other.ours)
+        held = [", ".join(name for name, held in holds.items() if held[k]) or "none" for k in rows.index]
+        rows.insert(list(rows).index("study"), "holds in", held)
     return rows
 
 
-def page_of(rows: pd.DataFrame, data: Path, table: Path, beside: Path | None) -> str:
+def _counts(verdicts: pd.Series) -> str:
+    counts = verdicts.value_counts()
+    return ", ".join(f"{counts.get(v, 0)} {v}" for v in VERDICTS)
+
+
+def page_of(rows: pd.DataFrame, data: Path, table: Path, beside: Mapping[str, Path] | None = None) -> str:
     """The page of documentation about a table."""
-    counts, also = rows.verdict.value_counts(), f" --beside {beside}" if beside else ""
+    beside = beside or {}
+    also = "".join(f" --beside {name}={folder}" for name, folder in beside.items())
     sentences = (
         f"Generated by `limo paper-check --data {data}{also}`; do not edit. The same table is in `{table.name}`. A "
         "statement about many cases is `reproduced` if it holds for all of them, and `partly` if it holds for at least half. A "
@@ -556,10 +565,13 @@ def page_of(rows: pd.DataFrame, data: Path, table: Path, beside: Path | None) ->
     )
     if "branches" in rows:
         sentences += (
-            " Numbers and verdicts are those of the exact flat state. `branches` counts the solutions with the same verdict, "
-            "including those of slightly perturbed flat states."
+            " Numbers and verdicts are those of the solution of each case that has the least energy at rest. `branches` counts "
+            "the flat states, the exact one and slightly perturbed ones, whose solutions have the same verdict."
         )
+    counted_verdicts = [f"{_counts(rows.verdict)}."]
+    for name, folder in beside.items():
+        sentences += f" The column `{name}` has the results of the datasets in `{folder}`."
+        counted_verdicts.append(f"In `{name}`: {_counts(rows[name].str.split(':').str[0])}.")
     if beside:
-        sentences += f" The column `{beside}` has the results of the datasets there."
-    counted_verdicts = ", ".join(f"{counts.get(v, 0)} {v}" for v in VERDICTS) + "."
-    return "\n\n".join(["# The paper's statements", sentences, counted_verdicts, markdown_table(rows)]) + "\n"
+        sentences += " `holds in` names the sets in which a statement is reproduced, `ours` being the first."
+    return "\n\n".join(["# The paper's statements", sentences, " ".join(counted_verdicts), markdown_table(rows)]) + "\n"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from limo.measure.contact import crossings, endo_through_epi, first_contact, front_through_back
+from limo.measure.contact import crossings, endo_through_epi, first_contact, front_through_back, outer_through_outer
 from tests.helpers.patches import grid
 
 
@@ -44,19 +44,41 @@ def bulge(mesh, endo, epi, wall=5.0):
 def test_the_device_touches_where_it_should(device_mesh, symmetry):
     mesh = device_mesh("limo", 8, symmetry)
     apart = bulge(mesh, 3.0, 8.0)
-    assert len(endo_through_epi(mesh, apart)) == 0
+    assert len(endo_through_epi(mesh, apart, 0.2)) == 0
     assert len(front_through_back(mesh, apart, 0.2)) == 0
     pushed = bulge(mesh, -2.0, 8.0)
     assert len(front_through_back(mesh, pushed, 0.2)) > 0
     assert len(front_through_back(mesh, bulge(mesh, -0.15, 8.0), 0.2)) == 0, "no deeper than the fabric is thick"
     assert len(front_through_back(mesh, bulge(mesh, -0.25, 8.0), 0.2)) > 0
-    assert len(endo_through_epi(mesh, pushed)) == 0
-    rng = np.random.default_rng(1)
-    tangled = apart.copy()
-    inside = np.unique(mesh.quads[mesh.layer == 2])
-    inside = inside[~mesh.on_seam[inside]]
-    tangled[inside, 2] = tangled[inside, 2] * rng.choice([0.1, 1.0], len(inside))
-    assert len(endo_through_epi(mesh, tangled)) > 0
+    assert len(endo_through_epi(mesh, pushed, 0.2)) == 0
+    assert len(endo_through_epi(mesh, bulge(mesh, 5.0, 4.9), 0.2)) == 0, "no deeper than the fabric is thick"
+    passed = endo_through_epi(mesh, bulge(mesh, 5.0, 4.0), 0.2)
+    assert len(passed) > 0
+    assert np.abs(passed[:, 2]).max() <= 5.0 + 1e-9
+
+
+@pytest.mark.parametrize("symmetry", ["quarter", "full"])
+def test_outer_surfaces_touch_where_they_should(device_mesh, symmetry):
+    mesh = device_mesh("limo", 8, symmetry)
+    apart = bulge(mesh, 3.0, 8.0)
+    assert len(outer_through_outer(mesh, apart, 0.2)) == 0
+    # the epicardium of the outermost pouch leans over to its neighbour, and further
+    epi = mesh.quads[(mesh.layer == 2) & (mesh.pouch == mesh.pouch[(mesh.layer == 2) & (mesh.face == 0)].max())]
+    nodes = np.unique(epi)
+    nodes = nodes[~mesh.on_seam[nodes]]
+    leaning = apart.copy()
+    leaning[nodes, 0] -= 15.0
+    assert len(outer_through_outer(mesh, leaning, 0.2)) > 0
+    # a fold of the wall: its upper part is laid on the lower one, and through it
+    wall = np.unique(mesh.quads[mesh.layer == 0])
+    folded = apart.copy()
+    folded[wall, 2] += 3.0 * np.sin(folded[wall, 0])
+    folded[wall, 0] += 4.0 * np.sin(2.0 * folded[wall, 0])
+    assert len(outer_through_outer(mesh, folded, 0.2)) > 0
+    if symmetry == "quarter":
+        beyond = apart.copy()
+        beyond[beyond[:, 0] == 0, 0] = -0.3
+        assert len(outer_through_outer(mesh, beyond, 0.2)) > 0
 
 
 def test_first_contact_is_between_two_frames():

@@ -344,12 +344,21 @@ def test_another_set_has_its_verdicts_beside(data, tmp_path):
         (tmp_path / folder).mkdir()
         for name, dataset in datasets.items():
             dataset.to_netcdf(tmp_path / folder / f"{name}.nc")
-    table, beside = tmp_path / "check.csv", tmp_path / "coarse"
+    table, beside = tmp_path / "check.csv", {"as_in_paper": tmp_path / "coarse", "same": tmp_path / "fine"}
     assert write_check(tmp_path / "fine", table, tmp_path / "check.md", beside).startswith("26 reproduced")
     rows = pd.read_csv(table).set_index("statement")
-    assert rows.loc["efficiencies at 90 ml", str(beside)].startswith("not: 0 of 12")
-    assert rows.loc["inside, it runs about at right angles to that", str(beside)] == "no data: -"
-    assert f"--beside {beside}" in (tmp_path / "check.md").read_text()
+    assert rows.loc["efficiencies at 90 ml", "as_in_paper"].startswith("not: 0 of 12")
+    assert rows.loc["inside, it runs about at right angles to that", "as_in_paper"] == "no data: -"
+    assert rows.loc["efficiencies at 90 ml", "holds in"] == "ours, same"
+    assert rows.loc["fewer pouches, more stroke", "holds in"] == "ours, as_in_paper, same"
+    page = (tmp_path / "check.md").read_text()
+    assert f"--beside as_in_paper={tmp_path / 'coarse'} --beside same=" in page
+    held = rows.as_in_paper.str.startswith("reproduced").sum()
+    assert 0 < held < 26
+    assert f"In `as_in_paper`: {held} reproduced" in page
+    files = ["--table", str(table), "--page", str(tmp_path / "check.md"), "--beside", f"as_in_paper={tmp_path / 'coarse'}"]
+    assert main(["paper-check", "--data", str(tmp_path / "fine"), *files]) == 0
+    assert list(pd.read_csv(table))[-4:] == ["as_in_paper", "holds in", "study", "what is known"]
 
 
 def test_a_damaged_dataset_is_one_message(tmp_path):

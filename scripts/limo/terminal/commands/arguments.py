@@ -34,6 +34,12 @@ class Commands:
         return made
 
 
+def named_path(text: str) -> tuple[str, Path]:
+    """NAME=PATH; a path alone is its own name."""
+    name, given, path = text.partition("=")
+    return (name, Path(path)) if given else (text, Path(text))
+
+
 def studies(parser: argparse.ArgumentParser, default: str = "all") -> None:
     """Names of studies."""
     parser.add_argument("studies", nargs="*", metavar="STUDY", help=f"studies by name (default: {default})")

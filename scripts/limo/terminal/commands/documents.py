@@ -105,7 +105,10 @@ def add_paper_check(commands: arguments.Commands) -> None:
         "--data docs/gallery/data",
     )
     made.add_argument("--data", type=Path, default=Path("results/studies"), help="folder of datasets (default: %(default)s)")
-    made.add_argument("--beside", type=Path, metavar="DATA", help="other datasets, whose verdicts get a column")
+    made.add_argument(
+        "--beside", type=arguments.named_path, action="append", default=[], metavar="[NAME=]DATA",
+        help="datasets of another model, whose verdicts get a column of this name; may be given several times",
+    )  # fmt: skip
     made.add_argument("--table", type=Path, default=Path("results/paper_check.csv"), help="default: %(default)s")
     made.add_argument("--page", type=Path, default=Path("results/paper_check.md"), help="default: %(default)s")
 
@@ -113,7 +116,7 @@ def add_paper_check(commands: arguments.Commands) -> None:
 def _paper_check(chosen: argparse.Namespace) -> None:
     from limo.reports.paper_check import write_check
 
-    print(f"{write_check(chosen.data, chosen.table, chosen.page, chosen.beside)}: {chosen.table}, {chosen.page}")
+    print(f"{write_check(chosen.data, chosen.table, chosen.page, dict(chosen.beside))}: {chosen.table}, {chosen.page}")
 
 
 def add_gallery(commands: arguments.Commands) -> None:
