@@ -14,6 +14,7 @@ from limo.config.project import Project
 from limo.geometry.pattern import flat_pattern
 from limo.mesh.device import mesh_to_target
 from limo.mesh.layers import DeviceMesh, layered
+from limo.schema.device import Material
 from limo.schema.numerics import Mesh, MeshLevel
 from limo.schema.study import Study
 from limo.store.digest import digest
@@ -28,6 +29,16 @@ def study(**changes):
         "outputs": ["volumes"],
     }  # fmt: skip
     return Study.model_validate(values | changes)
+
+
+def woven(material: Material, **changes) -> Material:
+    """The fabric with yarns, and with a pouch sheet of another weave, thickness and bending stiffness."""
+    yarns = {"warp_modulus": 400.0, "weft_modulus": 150.0, "poisson_ratio": 0.4, "shear_modulus": 40.0, "angle": 25.0}
+    plain = material.model_dump(exclude={"pouch_sheet"})
+    other = {**yarns, "warp_modulus": 90.0, "angle": -60.0}
+    outer = {**plain, "thickness": 0.12, "weave": other, "bending_factor": 0.5}
+    values = {"weave": yarns, "bending_factor": 0.3, "pouch_sheet": outer} | changes
+    return Material.model_validate(plain | {key: value for key, value in values.items() if value is not None})
 
 
 def without_studies(root: Path, folder: Path) -> Path:

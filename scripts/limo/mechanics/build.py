@@ -9,9 +9,10 @@ import numpy as np
 
 from limo.geometry.valve import ValveEllipse
 from limo.mechanics.contact import contact_of
-from limo.mechanics.model import KPA, Equation, Expansion, Fabric, Loading, Model, Pressure, expand
+from limo.mechanics.model import KPA, Equation, Expansion, Fabric, Loading, Model, Pressure, Weave, expand, layer_thickness
 from limo.mesh.layers import FACES, LAYERS, DeviceMesh
-from limo.schema.device import Device
+from limo.schema.device import Device, Sheet
+from limo.schema.device import Weave as Yarns
 from limo.schema.element import element
 from limo.schema.numerics import Mesh, Numerics
 
@@ -90,9 +91,9 @@ def perturbed(mesh: DeviceMesh, seed: int, amplitude: float) -> DeviceMesh:
 def described(case: Described) -> dict[str, Any]:
     """The values of a ``Model`` that do not depend on its mesh."""
     material = case.device.material
-    fabric = Fabric(
-        material.youngs_modulus, material.poisson_ratio, material.thickness, material.areal_density, case.stiffness_ratio
-    )
+    fabric = _fabric(material, case.stiffness_ratio)
+    if material.pouch_sheet is not None:
+        fabric = replace(fabric, epicardium=_fabric(material.pouch_sheet, 1.0))
     return {
         "name": case.case_id,
         "element": element(case.mesh.element),
@@ -101,6 +102,20 @@ def described(case: Described) -> dict[str, Any]:
         "numerics": case.numerics,
         "length": case.device.pattern.length,
     }
+
+
+def _fabric(sheet: Sheet, stiffness_ratio: float) -> Fabric:
+    """A sheet of fabric as it is solved; yarns of equal moduli that are an isotropic fabric's are one."""
+    modulus, ratio, weave = sheet.youngs_modulus, sheet.poisson_ratio, sheet.weave
+    if weave is not None and _is_isotropic(weave):
+        modulus, ratio, weave = weave.warp_modulus, weave.poisson_ratio, None
+    yarns = None if weave is None else Weave(**weave.model_dump())
+    return Fabric(modulus, ratio, sheet.thickness, sheet.areal_density, stiffness_ratio, yarns, sheet.bending_factor)
+
+
+def _is_isotropic(weave: Yarns) -> bool:
+    shear = weave.warp_modulus / (2 * (1 + weave.poisson_ratio))
+    return weave.warp_modulus == weave.weft_modulus and abs(weave.shear_modulus - shear) <= 1e-12 * shear
 
 
 def build_model(case: Described, mesh: DeviceMesh, *, like_shells: bool | None = None) -> Model:
@@ -116,7 +131,7 @@ def build_model(case: Described, mesh: DeviceMesh, *, like_shells: bool | None =
     shell = values["element"].is_shell
     if case.branch:
         mesh = perturbed(mesh, case.branch, PERTURBATION * thickness)
-    values |= {"mesh": mesh, "expansion": expand(mesh, thickness)}
+    values |= {"mesh": mesh, "expansion": expand(mesh, layer_thickness(mesh, values["fabric"]))}
     touch = case.numerics.contact
     values["contact"] = contact_of(
         mesh,

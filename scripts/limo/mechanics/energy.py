@@ -45,12 +45,13 @@ def part_energy_and_extremes(model: Model, displacements: np.ndarray) -> tuple[f
     layer = model.expansion
     if not model.element.plane_stress:
         moved, points = displacements[: len(layer.nodes)], model.element.gauss_points
-        return energy_and_extremes(layer.nodes, layer.bricks, moved, model.youngs_modulus, model.fabric.poisson_ratio, points)
+        law = model.youngs_modulus, model.poisson_ratio, points, model.stiffness
+        return energy_and_extremes(layer.nodes, layer.bricks, moved, *law)
     local, weights = gauss(model.element.gauss_points, 3)
     deformation, jacobian = deformation_gradient(layer.nodes, layer.bricks, displacements, local)
     deformation = deformation @ shell.layer_axes(model, local)
     density = shell.energy_density(green_lagrange(deformation), shell.stiffness(model))
-    layered = shell.thinned(deformation, model.fabric.poisson_ratio)
+    layered = shell.thinned(model, deformation)
     energy = float(np.einsum("mg,mg,g->", density, jacobian, weights))
     return energy, float(np.linalg.det(layered).min()), float(np.linalg.norm(layered[..., 2], axis=-1).min())
 

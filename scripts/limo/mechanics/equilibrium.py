@@ -86,7 +86,7 @@ def mass_forces(model: Model, field: np.ndarray) -> np.ndarray:
     jacobian = np.einsum("gnd,mnk->mgkd", slopes, layer.nodes[layer.bricks])
     volume = np.linalg.det(jacobian) * weights
     at_points = np.einsum("gn,mnk->mgk", values, field[layer.bricks])
-    forces = model.fabric.density * np.einsum("gn,mgk,mg->mnk", values, at_points, volume, optimize=True)
+    forces = model.density[:, None, None] * np.einsum("gn,mgk,mg->mnk", values, at_points, volume, optimize=True)
     return scatter(forces, layer.bricks, len(model.nodes))
 
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from limo.errors import ResultError
 from limo.mechanics import shell
-from limo.mechanics.constitutive import cauchy, second_piola_kirchhoff, von_mises
+from limo.mechanics.constitutive import cauchy, second_piola_kirchhoff, stress_of, von_mises
 from limo.mechanics.kinematics import deformation_gradient, green_lagrange, lame
 from limo.mechanics.model import Model
 from limo.mesh.elements import gauss, quad8_shape
@@ -36,7 +36,7 @@ def surface_points() -> np.ndarray:
 
 def moduli(model: Model) -> tuple[np.ndarray, np.ndarray]:
     """Lame constants lambda and mu (m,) in MPa of every element; the endocardium is E_hat times as stiff."""
-    return lame(model.youngs_modulus, model.fabric.poisson_ratio)
+    return lame(model.youngs_modulus, model.poisson_ratio)
 
 
 def element_label(mesh: DeviceMesh, element: int) -> str:
@@ -49,12 +49,14 @@ def element_label(mesh: DeviceMesh, element: int) -> str:
 class LayerState:
     """Deformation gradient F (m, g, 3, 3) of m elements at g local points, and what follows from it.
 
-    Tensors refer to the Cartesian axes of the flat state; stresses in MPa.
+    Tensors refer to the Cartesian axes of the flat state; stresses in MPa. ``stiffness``: C (m, 6, 6) of yarns, in the place of
+    Lame's constants; None without.
     """
 
     deformation: np.ndarray
     lame_lambda: np.ndarray
     lame_mu: np.ndarray
+    stiffness: np.ndarray | None = None
 
     @cached_property
     def strain(self) -> np.ndarray:
@@ -64,6 +66,8 @@ class LayerState:
     @cached_property
     def second_piola(self) -> np.ndarray:
         """Second Piola-Kirchhoff stress S in MPa."""
+        if self.stiffness is not None:
+            return stress_of(self.strain, self.stiffness)
         return second_piola_kirchhoff(self.strain, self.lame_lambda[:, None], self.lame_mu[:, None])
 
     @cached_property
@@ -98,7 +102,7 @@ def layer_state(model: Model, displacements: np.ndarray, local: np.ndarray, sour
     deformation, _ = deformation_gradient(layer.nodes, layer.bricks, u, local)
     if model.element.plane_stress:
         axes = shell.layer_axes(model, local)
-        deformation = shell.thinned(deformation @ axes, model.fabric.poisson_ratio) @ np.swapaxes(axes, -1, -2)
+        deformation = shell.thinned(model, deformation @ axes) @ np.swapaxes(axes, -1, -2)
     determinant = np.linalg.det(deformation).min(axis=1)
     if (determinant <= 0).any():
         element = int(np.argmin(determinant))
@@ -106,7 +110,7 @@ def layer_state(model: Model, displacements: np.ndarray, local: np.ndarray, sour
             f"{source}: {int((determinant <= 0).sum())} elements turned inside out, worst {element_label(model.mesh, element)} "
             f"with det F = {determinant[element]:.3g}"
         )
-    return LayerState(deformation, *moduli(model))
+    return LayerState(deformation, *moduli(model), model.stiffness)
 
 
 def flat_areas(mesh: DeviceMesh) -> np.ndarray:

@@ -5,12 +5,14 @@ Units: mm, N, MPa, tonne, s.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import astuple, dataclass
 from typing import Protocol
 
 import numpy as np
 import scipy  # its parts are imported when they are used
 
+from limo.mechanics.constitutive import isotropic, orthotropic
 from limo.mechanics.contact import Contact, Touching
 from limo.mesh.elements import HEX20_BOTTOM, HEX20_TOP
 from limo.mesh.layers import LAYERS
@@ -55,17 +57,18 @@ class Expansion:
         return 0.5 * (values[..., self.bottom, :] + values[..., self.top, :])
 
 
-def expand(mesh: LayerMesh, thickness: float) -> Expansion:
+def expand(mesh: LayerMesh, thickness: float | np.ndarray) -> Expansion:
     """The expansion that CalculiX makes of S8R (one C3D20R through the thickness), written out.
 
-    ``thickness`` in mm. Bottom nodes at z = -t/2, top at +t/2; corners have a third node between them.
+    ``thickness`` in mm, of the layer or (n,) at each node. Bottom nodes at z = -t/2, top at +t/2; corners have a third node
+    between them.
     """
     count, corner = len(mesh.nodes), mesh.is_corner
     bottom = np.arange(count)
     top = bottom + count
     middle = np.full(count, -1)
     middle[corner] = 2 * count + np.arange(corner.sum())
-    offset = np.array([0.0, 0.0, thickness / 2])
+    offset = np.multiply.outer(np.broadcast_to(thickness, count) / 2, [0.0, 0.0, 1.0])
     nodes = np.vstack([mesh.nodes - offset, mesh.nodes + offset, mesh.nodes[corner]])
     bricks = np.empty((len(mesh.quads), 20), int)
     bricks[:, HEX20_BOTTOM], bricks[:, HEX20_TOP] = bottom[mesh.quads], top[mesh.quads]
@@ -96,10 +99,25 @@ class Pressure:
 
 
 @dataclass(frozen=True)
+class Weave:
+    """Yarns of a fabric: E_1, E_2 and G_12 in MPa, nu_12, and the angle of the warp in degrees (``constitutive.orthotropic``)."""
+
+    warp_modulus: float
+    weft_modulus: float
+    poisson_ratio: float
+    shear_modulus: float
+    angle: float
+
+
+@dataclass(frozen=True)
 class Fabric:
     """A St. Venant-Kirchhoff fabric: E in MPa, nu, thickness in mm, mass per area in g / m^2.
 
-    ``stiffness_ratio`` E_hat: E of the endocardium of the pouches over that of the rest.
+    ``stiffness_ratio`` E_hat: moduli of the endocardium of the pouches over those of the rest. ``weave``: yarns, which take the
+    place of E and nu. ``epicardium``: the fabric of the outer layer of the pouches, where it is another one.
+
+    ``bending_factor`` f scales the bending stiffness alone: a layer of thickness t sqrt(f) and moduli E / sqrt(f) has the same
+    stiffness of its middle surface, and f times that of bending. That layer is what is solved.
     """
 
     youngs_modulus: float
@@ -107,11 +125,49 @@ class Fabric:
     thickness: float
     areal_density: float
     stiffness_ratio: float
+    weave: Weave | None = None
+    bending_factor: float = 1.0
+    epicardium: Fabric | None = None
 
     @property
     def density(self) -> float:
         """Mass density in tonne / mm^3 from the areal density: g / m^2 = 1e-12 tonne / mm^2."""
-        return self.areal_density * 1e-12 / self.thickness
+        return self.areal_density * 1e-12 / self.layer
+
+    @property
+    def layer(self) -> float:
+        """Thickness in mm of the layer that is solved, t sqrt(f)."""
+        return self.thickness * self._share
+
+    @property
+    def stiffening(self) -> float:
+        """Moduli of the layer that is solved over those of the fabric, 1 / sqrt(f)."""
+        return 1.0 / self._share
+
+    @property
+    def _share(self) -> float:
+        return self.bending_factor**0.5
+
+    @property
+    def is_isotropic(self) -> bool:
+        """Whether no sheet has yarns."""
+        return self.weave is None and (self.epicardium is None or self.epicardium.weave is None)
+
+    @property
+    def stiffness(self) -> np.ndarray:
+        """C (6, 6) in MPa of this sheet alone, E_hat and the bending factor not in it."""
+        if self.weave is None:
+            return isotropic(self.youngs_modulus, self.poisson_ratio)
+        return orthotropic(*astuple(self.weave))
+
+
+def layer_thickness(mesh: LayerMesh, fabric: Fabric) -> float | np.ndarray:
+    """Thickness in mm of the layer that is solved, (n,) where the pouches' outer sheet has its own: seams have the wall's."""
+    if fabric.epicardium is None:
+        return fabric.layer
+    inner = np.zeros(len(mesh.nodes), bool)
+    inner[mesh.quads[mesh.layer != LAYERS.index("epi")]] = True
+    return np.where(inner, fabric.layer, fabric.epicardium.layer)
 
 
 @dataclass(frozen=True)
@@ -151,10 +207,46 @@ class Model:
     contact: Contact | None = None
 
     @property
-    def youngs_modulus(self) -> np.ndarray:
-        """Young's modulus (m,) in MPa of every element: E, on the endocardium of the pouches E_hat E."""
+    def stiffness_ratio(self) -> np.ndarray:
+        """Moduli (m,) of every element's layer over those of its fabric: E_hat on the endocardium, and the bending factor's."""
         ratio = np.where(self.mesh.layer == LAYERS.index("endo"), self.fabric.stiffness_ratio, 1.0)
-        return ratio * self.fabric.youngs_modulus
+        return ratio * self.of_sheets(lambda sheet: sheet.stiffening)
+
+    @property
+    def youngs_modulus(self) -> np.ndarray:
+        """Young's modulus (m,) in MPa of every element: E, on the endocardium of the pouches E_hat E; of yarns a mean one."""
+        return self.stiffness_ratio * self.of_sheets(_modulus)
+
+    @property
+    def poisson_ratio(self) -> np.ndarray:
+        """Poisson's ratio (m,) of every element without yarns."""
+        return self.of_sheets(lambda sheet: sheet.poisson_ratio)
+
+    @property
+    def thickness(self) -> np.ndarray:
+        """Thickness (m,) in mm of every element's layer, as it is solved."""
+        return self.of_sheets(lambda sheet: sheet.layer)
+
+    @property
+    def density(self) -> np.ndarray:
+        """Mass density (m,) in tonne / mm^3 of every element's layer."""
+        return self.of_sheets(lambda sheet: sheet.density)
+
+    @property
+    def stiffness(self) -> np.ndarray | None:
+        """C (m, 6, 6) in MPa of every element's layer, in the flat device's axes; None for isotropic fabric."""
+        if self.fabric.is_isotropic:
+            return None
+        sheets = [sheet.stiffness for sheet in (self.fabric, self.fabric.epicardium or self.fabric)]
+        return self.stiffness_ratio[:, None, None] * np.where(self._is_epicardium[:, None, None], sheets[1], sheets[0])
+
+    @property
+    def _is_epicardium(self) -> np.ndarray:
+        return self.mesh.layer == LAYERS.index("epi")
+
+    def of_sheets(self, value: Callable[[Fabric], float]) -> np.ndarray:
+        """A number (m,) of every element from that of its sheet."""
+        return np.where(self._is_epicardium, value(self.fabric.epicardium or self.fabric), value(self.fabric))
 
     def loaded(self, side: str) -> tuple[np.ndarray, ...]:
         """Nodes (n_shell,) whose mean is where a pressure on a side acts: that side, or the middle surface of shells."""
@@ -175,6 +267,12 @@ class Model:
     def touching(self) -> Touching | None:
         """The contact of its layers from where they lie at first, made anew; None where all may pass."""
         return None if self.contact is None else Touching(self.contact, self.mesh.nodes)
+
+
+def _modulus(sheet: Fabric) -> float:
+    """E in MPa, of yarns sqrt(E_1 E_2)."""
+    yarns = sheet.weave
+    return sheet.youngs_modulus if yarns is None else (yarns.warp_modulus * yarns.weft_modulus) ** 0.5
 
 
 def scatter(forces: np.ndarray, nodes: np.ndarray, count: int) -> np.ndarray:

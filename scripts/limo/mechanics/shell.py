@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from limo.mechanics.constitutive import plane_stress
+from limo.mechanics.constitutive import condensed, plane_stress
 from limo.mechanics.model import Model
 from limo.mesh.elements import gauss, hex20_shape, quad8_shape
 
@@ -32,9 +32,10 @@ _THINNEST = 1e-6
 
 def stiffness(model: Model) -> np.ndarray:
     """Q_11, Q_12, Q_16, Q_22, Q_26, Q_66, s G_44, s G_45, s G_55 and s E (m, 10) in MPa of a model's elements."""
-    modulus = model.youngs_modulus
-    law = np.column_stack([plane_stress(modulus, model.fabric.poisson_ratio), modulus])
-    law[:, 6:] /= 1 + WEAKENING * _areas(model)[:, None] / model.fabric.thickness**2
+    modulus, law = model.youngs_modulus, model.stiffness
+    along = plane_stress(modulus, model.poisson_ratio) if law is None else condensed(law)
+    law = np.column_stack([along, modulus])
+    law[:, 6:] /= 1 + WEAKENING * _areas(model)[:, None] / model.thickness[:, None] ** 2
     return law
 
 
@@ -84,17 +85,23 @@ def energy_density(strain: np.ndarray, law: np.ndarray) -> np.ndarray:
     return 0.5 * np.einsum("...ij,...ij->...", strain, second_piola_kirchhoff(strain, law))
 
 
-def thinned(deformation: np.ndarray, poisson_ratio: float) -> np.ndarray:
-    """F (..., 3, 3), columns along the layer's axes, of an isotropic layer at right angles to itself and thinned by plane stress.
+def thinned(model: Model, deformation: np.ndarray) -> np.ndarray:
+    """F (m, g, 3, 3), columns along the layer's axes, of a layer at right angles to itself and thinned by plane stress.
 
-    The first two columns stay. The third one is the normal times sqrt(1 + 2 E_33), E_33 = -nu / (1 - nu) (E_11 + E_22), with
-    which the law in three dimensions gives S_33 = 0 and S_ab as ``second_piola_kirchhoff``.
+    The first two columns stay. The third one is the normal times sqrt(1 + 2 E_33), with which the law in three dimensions gives
+    S_33 = 0 and S_ab as ``second_piola_kirchhoff``: E_33 = -nu / (1 - nu) (E_11 + E_22), of yarns -C_33ab E_ab / C_3333.
     """
     first, second = deformation[..., 0], deformation[..., 1]
     normal = np.cross(first, second)
     size = np.linalg.norm(normal, axis=-1, keepdims=True)
-    along = 0.5 * ((first**2).sum(axis=-1) + (second**2).sum(axis=-1) - 2)
-    across = 1 - 2 * poisson_ratio / (1 - poisson_ratio) * along
+    squares = (first**2).sum(axis=-1), (second**2).sum(axis=-1)
+    if (law := model.stiffness) is None:
+        ratio = model.poisson_ratio[:, None]
+        across = 1 - 2 * ratio / (1 - ratio) * (0.5 * (squares[0] + squares[1] - 2))
+    else:
+        one, two, both = (law[:, 2, k] / law[:, 2, 2] for k in (0, 1, 3))
+        shear = (first * second).sum(axis=-1)
+        across = 1 - one[:, None] * (squares[0] - 1) - two[:, None] * (squares[1] - 1) - 2 * both[:, None] * shear
     stretch = np.sqrt(np.maximum(across, _THINNEST))[..., None]
     return np.stack([first, second, stretch * normal / np.maximum(size, np.finfo(float).tiny)], axis=-1)
 

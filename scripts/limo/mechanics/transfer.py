@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from limo.mechanics.model import Model
+from limo.mechanics.model import Model, layer_thickness
 from limo.mesh.transfer import interpolation
 
 
@@ -17,11 +17,11 @@ def carried(source: Model, displacements: np.ndarray, target: Model) -> np.ndarr
     """
     there, here = source.expansion, target.expansion
     matrix = interpolation(source.mesh, target.mesh)
-    half = 0.5 * target.fabric.thickness
-    flat = np.array([0.0, 0.0, half])
+    before, half = (0.5 * np.broadcast_to(layer_thickness(m.mesh, m.fabric), len(m.mesh.nodes)) for m in (source, target))
+    flat_before, flat = (np.multiply.outer(each, [0.0, 0.0, 1.0]) for each in (before, half))
     middle = matrix @ (0.5 * (displacements[there.bottom] + displacements[there.top]))
-    directors = matrix @ (0.5 * (displacements[there.top] - displacements[there.bottom]) + flat)
-    directors *= half / np.maximum(np.linalg.norm(directors, axis=1), np.finfo(float).tiny)[:, None]
+    directors = matrix @ (0.5 * (displacements[there.top] - displacements[there.bottom]) + flat_before)
+    directors *= (half / np.maximum(np.linalg.norm(directors, axis=1), np.finfo(float).tiny))[:, None]
     found, corner = np.zeros((len(here.nodes), 3)), here.middle >= 0
     found[here.bottom], found[here.top] = middle - (directors - flat), middle + (directors - flat)
     found[here.middle[corner]] = middle[corner]

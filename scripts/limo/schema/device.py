@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import Field, field_validator, model_validator
 
@@ -99,10 +99,60 @@ class Elastic(Section):
     thickness: float = Field(gt=0, le=5, description="t in mm", examples=[0.19])
 
 
-class Material(Elastic):
-    """St. Venant-Kirchhoff fabric (paper, *Constitutive modeling*)."""
+class Weave(Section):
+    """Yarns of a woven fabric: orthotropic St. Venant-Kirchhoff material along warp and weft, instead of E and nu."""
+
+    warp_modulus: float = Field(gt=0, le=1e5, description="E_1 in MPa along the warp", examples=[400.0])
+    weft_modulus: float = Field(gt=0, le=1e5, description="E_2 in MPa along the weft", examples=[200.0])
+    poisson_ratio: float = Field(
+        gt=-1, lt=10, description="nu_12, contraction along the weft over extension along the warp, of a strip along the warp",
+        examples=[0.33],
+    )  # fmt: skip
+    shear_modulus: float = Field(gt=0, le=1e5, description="G_12 in MPa", examples=[60.0])
+    angle: float = Field(
+        0.0, ge=-90, le=90, description="of the warp to the axis of the flat device, in degrees, positive towards x",
+        examples=[45.0],
+    )  # fmt: skip
+
+    @model_validator(mode="after")
+    def _definite(self) -> Weave:
+        mean = self.poisson_ratio * (self.weft_modulus / self.warp_modulus) ** 0.5
+        if abs(mean) >= 0.5:
+            largest = 0.5 * (self.warp_modulus / self.weft_modulus) ** 0.5
+            raise ValueError(
+                f"poisson_ratio x sqrt(weft_modulus / warp_modulus) within +-0.5, beyond which the stiffness is indefinite: it is "
+                f"{mean:.3g}, and poisson_ratio may be up to {largest:.3g}; for example poisson_ratio: {0.6 * largest:.2g}"
+            )
+        return self
+
+
+class Sheet(Elastic):
+    """A sheet of fabric: elasticity, mass, weave and bending."""
 
     areal_density: float = Field(gt=0, le=1e4, description="mass per area in g/m^2", examples=[170.0])
+    weave: Weave | None = Field(
+        None, description="yarns of an orthotropic fabric, which replace youngs_modulus and poisson_ratio"
+    )
+    bending_factor: float = Field(
+        1.0, gt=0, le=4, description="bending stiffness over that of a plate of this thickness and these moduli", examples=[0.1]
+    )
+
+    def content(self) -> dict[str, Any]:
+        """Plain data of what a result depends on, as it was before keys came that are left at what they stand for."""
+        data = self.model_dump(mode="json")
+        usual = {"weave": None, "bending_factor": 1.0, "pouch_sheet": None}
+        kept = {key: value for key, value in data.items() if key not in usual or value != usual[key]}
+        if (pouch := getattr(self, "pouch_sheet", None)) is not None:
+            kept["pouch_sheet"] = pouch.content()
+        return kept
+
+
+class Material(Sheet):
+    """St. Venant-Kirchhoff fabric (paper, *Constitutive modeling*)."""
+
+    pouch_sheet: Sheet | None = Field(
+        None, description="the fabric of the epicardium of the pouches, where it is another one than that of wall and endocardium"
+    )
     # says nothing that a result depends on: no name of a case is made of it
     modulus_origin: str | None = Field(
         None,

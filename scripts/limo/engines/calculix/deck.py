@@ -7,12 +7,13 @@ dependency writes steps and loads; meshio's input files have nodes, elements and
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from pathlib import Path
 
 import numpy as np
 
-from limo.mechanics.model import KPA, Model, Pressure
+from limo.mechanics.constitutive import engineering_constants, warp_and_weft
+from limo.mechanics.model import KPA, Fabric, Model, Pressure
 from limo.schema.numerics import Controls, Numerics, Stage
 from limo.schema.section import STAGES
 
@@ -84,31 +85,48 @@ def _sets(model: Model) -> list[str]:
     lines = []
     for load in model.pressures:
         lines += [f"*ELSET, ELSET={load.surface.upper()}", *_rows(load.quads + 1)]
-    endo = np.flatnonzero(model.mesh.layer == 1) + 1
-    rest = np.flatnonzero(model.mesh.layer != 1) + 1
-    return [*lines, "*ELSET, ELSET=ENDOCARDIUM", *_rows(endo), "*ELSET, ELSET=FABRIC", *_rows(rest)]
+    layer = model.mesh.layer
+    for name, _, _ in _sheets(model):
+        own = {"ENDOCARDIUM": layer == 1, "EPICARDIUM": layer == 2, "FABRIC": layer != 1}[name]
+        if name == "FABRIC" and model.fabric.epicardium is not None:
+            own = layer == 0
+        lines += [f"*ELSET, ELSET={name}", *_rows(np.flatnonzero(own) + 1)]
+    return lines
 
 
-def fabric(model: Model, name: str, stiffness_ratio: float, damping: float) -> list[str]:
+def _sheets(model: Model) -> list[tuple[str, Fabric, float]]:
+    """Names of the sets of elements of one material, their fabric, and their moduli over its own."""
+    sheets = [("ENDOCARDIUM", model.fabric, model.fabric.stiffness_ratio), ("FABRIC", model.fabric, 1.0)]
+    outer = model.fabric.epicardium
+    return sheets if outer is None else [*sheets, ("EPICARDIUM", outer, 1.0)]
+
+
+def fabric(model: Model, name: str, sheet: Fabric, stiffness_ratio: float, damping: float) -> list[str]:
     """A St. Venant-Kirchhoff fabric on the elements of a set of the same name; mass-proportional ``damping`` in 1/s."""
-    material = model.fabric
-    lines = [
-        f"*MATERIAL, NAME={name}",
-        "*ELASTIC",
-        f"{number(stiffness_ratio * material.youngs_modulus)}, {number(material.poisson_ratio)}",
-        "*DENSITY",
-        number(model.fabric.density),
-    ]
+    ratio, orientation = stiffness_ratio * sheet.stiffening, []
+    lines = [f"*MATERIAL, NAME={name}"]
+    if sheet.weave is None:
+        lines += ["*ELASTIC", f"{number(ratio * sheet.youngs_modulus)}, {number(sheet.poisson_ratio)}"]
+    else:
+        constants = engineering_constants(*astuple(sheet.weave)[:4])
+        row = [*(ratio * c for c in constants[:3]), *constants[3:6], *(ratio * c for c in constants[6:])]
+        lines += ["*ELASTIC, TYPE=ENGINEERING CONSTANTS", ", ".join(map(number, row[:8])), number(row[8])]
+        warp, weft, _ = warp_and_weft(sheet.weave.angle)
+        axes = f"*ORIENTATION, NAME={name}, SYSTEM=RECTANGULAR"
+        orientation = [axes, ", ".join(number(float(x)) for x in (*warp, *weft))]
+    lines += ["*DENSITY", number(sheet.density)]
     if damping:
         lines.append(f"*DAMPING, ALPHA={number(damping)}")
     section = "SHELL" if model.element.is_shell else "SOLID"
-    lines.append(f"*{section} SECTION, ELSET={name}, MATERIAL={name}")
-    return [*lines, number(material.thickness)] if model.element.is_shell else lines
+    turned = f", ORIENTATION={name}" if orientation else ""
+    lines += [*orientation, f"*{section} SECTION, ELSET={name}, MATERIAL={name}{turned}"]
+    return [*lines, number(sheet.layer)] if model.element.is_shell else lines
 
 
 def _materials(model: Model, damping: float) -> list[str]:
-    fabrics = (("FABRIC", 1.0), ("ENDOCARDIUM", model.fabric.stiffness_ratio))
-    return [line for name, ratio in fabrics for line in fabric(model, name, ratio, damping)]
+    order = ["FABRIC", "ENDOCARDIUM", "EPICARDIUM"]
+    sheets = sorted(_sheets(model), key=lambda sheet: order.index(sheet[0]))
+    return [line for sheet in sheets for line in fabric(model, *sheet, damping)]
 
 
 def constraints(model: Model) -> list[str]:

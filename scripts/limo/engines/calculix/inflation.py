@@ -68,7 +68,7 @@ def write_deck(model: Model, levels: Sequence[float], path: Path) -> None:
         f"** {model.name}",
         "** mm, N, MPa, tonne, s",
         *geometry(model),
-        *fabric(model, "DEVICE", 1.0, damping(model)),
+        *fabric(model, "DEVICE", model.fabric, 1.0, damping(model)),
         *constraints(model),
         *_amplitude(numerics, levels),
         *step(model, HHT_ALPHA, (first, end_time(numerics), smallest, largest), numerics.controls, pushed),

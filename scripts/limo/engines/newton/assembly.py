@@ -10,9 +10,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from limo.engines.newton import kernels
+from limo.engines.newton import kernels, woven_kernels
 from limo.engines.newton.faces import Faces
 from limo.errors import ResultError
+from limo.mechanics.constitutive import COMPONENTS, stress_of
 from limo.mechanics.kinematics import lame
 from limo.mechanics.model import Model, reduction, scatter
 from limo.mesh.elements import HEX20_BOTTOM, HEX20_TOP, gauss, hex20_shape
@@ -58,7 +59,10 @@ class Assembly:
         gradient = np.einsum("gnd,mgdk->mgkn", slopes, np.linalg.inv(jacobian))  # dN_n / dX_k
         self.gradient = np.ascontiguousarray(gradient).reshape(len(shell.bricks), 3 * len(local), 20)
         self.volume = np.linalg.det(jacobian) * weights
-        self.lame = np.stack(lame(model.youngs_modulus, model.fabric.poisson_ratio), axis=1)
+        self.lame = np.stack(lame(model.youngs_modulus, model.poisson_ratio), axis=1)
+        #: of woven fabric, in the place of ``lame``
+        self.stiffness = model.stiffness
+        self.law = None if self.stiffness is None else woven_kernels.law_of(self.stiffness)
         self.faces = Faces(model, lambda load: shell.bricks[load.quads][:, SIDES[load.side]], shell.nodes, len(model.nodes))
         self.touching = model.touching
         self._placed: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
@@ -121,11 +125,23 @@ class Assembly:
         change = (self.gradient @ moved[self.bricks]).reshape(deformation.shape)
         strain = change @ np.swapaxes(deformation, -1, -2)
         strain = 0.5 * (strain + np.swapaxes(strain, -1, -2))
-        factors = self.lame.T[:, :, None, None, None] * self.volume[..., None, None]
-        trace = np.trace(strain, axis1=-2, axis2=-1)[..., None, None]
-        piola = stress @ change + (factors[0] * trace * np.eye(3) + 2 * factors[1] * strain) @ deformation
+        piola = stress @ change + self.stress_of(strain) @ deformation
         forces = np.swapaxes(self.gradient, -1, -2) @ piola.reshape(count, 3 * points, 3)
         return scatter(forces, self.bricks, len(self.model.nodes))
+
+    def stress_of(self, strain: np.ndarray) -> np.ndarray:
+        """J w C : E (m, g, 3, 3) in N mm of strains (m, g, 3, 3)."""
+        if self.stiffness is not None:
+            return stress_of(strain, self.stiffness) * self.volume[..., None, None]
+        factors = self.lame.T[:, :, None, None, None] * self.volume[..., None, None]
+        trace = np.trace(strain, axis1=-2, axis2=-1)[..., None, None]
+        return factors[0] * trace * np.eye(3) + 2 * factors[1] * strain
+
+    def quadratic_stress(self, added: np.ndarray) -> np.ndarray:
+        """J w C : d d^T / 2 (m, g, 6) in N mm of displacement gradients d (m, 3 g, 3) that a step added."""
+        d = added.reshape(*self.volume.shape, 3, 3)
+        found = self.stress_of(0.5 * d @ np.swapaxes(d, -1, -2))
+        return np.stack([found[..., i, j] for i, j in COMPONENTS], axis=-1)
 
     def volume_ratios(self, u: np.ndarray) -> np.ndarray:
         """det F (m, g) at the integration points; none positive means elements turned inside out."""
@@ -149,6 +165,10 @@ class Assembly:
         """f_int (n, 3) and J w S (m, g, 6)."""
         if self._known is None or self._known[0] is not u:
             forces, stress = np.zeros((len(self.model.nodes), 3)), np.empty((*self.volume.shape, 6))
-            kernels.internal_forces(self.slopes(u)[0], self.bricks, self.gradient, self.volume, self.lame, stress, forces)
+            tables, slopes = (self.bricks, self.gradient, self.volume), self.slopes(u)[0]
+            if self.law is None:
+                kernels.internal_forces(slopes, *tables, self.lame, stress, forces)
+            else:
+                woven_kernels.internal_forces(slopes, *tables, self.law, stress, forces)
             self._known = u, forces, stress
         return self._known[1:]

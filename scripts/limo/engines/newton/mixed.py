@@ -44,7 +44,10 @@ class MixedStress:
         assembly, (slopes, stress) = self._assembly, self._before
         predicted = np.empty_like(stress)
         there = assembly.inside(displacements)[1], assembly.slopes(displacements)[0]
-        kernels.predicted_stress(*there, slopes, assembly.volume, assembly.lame, predicted)
+        if assembly.law is None:
+            kernels.predicted_stress(*there, slopes, assembly.volume, assembly.lame, predicted)
+        else:
+            predicted = there[0] - assembly.quadratic_stress(there[1] - slopes)
         if share < 1 and self.stress is not None:
             predicted += (1 - share) * (self.stress - stress)
         self.stress = predicted

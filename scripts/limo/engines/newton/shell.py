@@ -325,7 +325,7 @@ class ShellTangent:
         middle = shapes[:, HEX20_BOTTOM] + shapes[:, HEX20_TOP]
         middle[:, :4] += shapes[:, 16:]
         of_slots = np.hstack([middle, shapes[:, HEX20_TOP] - shapes[:, HEX20_BOTTOM]])
-        element = model.fabric.density * np.einsum("gn,gp,mg->mnp", of_slots, of_slots, volume, optimize=True)
+        element = model.density[:, None, None] * np.einsum("gn,gp,mg->mnp", of_slots, of_slots, volume, optimize=True)
         half = shell_kernels.SLOTS // 2
         element[:, half:, half:] *= np.eye(half)
         element[:, :half, half:] = element[:, half:, :half] = 0.0

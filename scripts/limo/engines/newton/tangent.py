@@ -17,7 +17,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.sparse import csc_array
 
-from limo.engines.newton import kernels
+from limo.engines.newton import kernels, woven_kernels
 from limo.engines.newton.assembly import Assembly
 from limo.engines.newton.contact import ContactTangent
 from limo.engines.newton.entries import entries_of
@@ -54,7 +54,11 @@ class Tangent:
         if stress is None:
             stress = assembly.inside(u)[1]
         tables = self._sources, self._places, self._special, self._weights
-        kernels.tangent(assembly.slopes(u)[0], stress, self._gradient, assembly.volume, assembly.lame, *tables, values)
+        states = assembly.slopes(u)[0], stress, self._gradient, assembly.volume
+        if assembly.law is None:
+            kernels.tangent(*states, assembly.lame, *tables, values)
+        else:
+            woven_kernels.tangent(*states, assembly.law, *tables, values)
         values[:-1] += self._from_faces @ assembly.faces.tangent(u, ventricular, actuation)
         self._contact.add(values, assembly, u)
         return values[:-1]
@@ -98,7 +102,7 @@ class Tangent:
         shapes, slopes = hex20_shape(local)
         jacobian = np.einsum("gnd,mnk->mgkd", slopes, shell.nodes[shell.bricks])
         volume = np.linalg.det(jacobian) * weights
-        element = model.fabric.density * np.einsum("gn,gp,mg->mnp", shapes, shapes, volume, optimize=True)
+        element = model.density[:, None, None] * np.einsum("gn,gp,mg->mnp", shapes, shapes, volume, optimize=True)
         for _ in range(2):  # rows, then columns
             element = self.unknowns.of_elements(element, bricks).swapaxes(1, 2)
         blocks = np.zeros((len(element), 20, len(PAIRS), 20))

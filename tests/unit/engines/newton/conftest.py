@@ -10,16 +10,23 @@ import pytest
 from limo.mechanics.build import build_model
 from limo.mechanics.model import Model
 from limo.schema.numerics import Mesh
+from tests.helpers.cases import with_, woven
 from tests.helpers.patches import grid, patch_mesh, patch_model
 
 
 @pytest.fixture
 def make_model(make_case, device_mesh) -> Callable[..., Model]:
-    """``make_model(element, symmetry, **changes)``: the coarse device, its pouches and walls of different stiffness."""
+    """``make_model(element, symmetry, **changes)``: the coarse device, its pouches and walls of different stiffness.
 
-    def make(element: str = "C3D20R", symmetry: str = "quarter", **changes) -> Model:
+    ``fabric``: isotropic, or woven, with a pouch sheet of its own weave, thickness and bending.
+    """
+
+    def make(element: str = "C3D20R", symmetry: str = "quarter", fabric: str = "isotropic", **changes) -> Model:
         mesh = Mesh(level="preview", symmetry=symmetry, element=element)
-        return build_model(make_case(mesh=mesh, stiffness_ratio=0.4, **changes), device_mesh(symmetry=symmetry))
+        case = make_case(mesh=mesh, stiffness_ratio=0.4, **changes)
+        if fabric == "woven":
+            case = with_(case, device=case.device.model_copy(update={"material": woven(case.device.material)}))
+        return build_model(case, device_mesh(symmetry=symmetry))
 
     return make
 

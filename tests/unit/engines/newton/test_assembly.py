@@ -16,6 +16,7 @@ from tests.helpers.matrices import deformed, directions, stiffness, whole
 
 ACTUATION = 20.0  # kPa
 ELEMENTS = ("C3D20R", "C3D20")
+FABRICS = ("isotropic", "woven")
 SYMMETRIES = ("quarter", "front_back", "full")
 STEP = 1e-3  # mm; the layer is 0.19 mm thick
 
@@ -32,10 +33,11 @@ def slope(function, u: np.ndarray, direction: np.ndarray):
 # --- forces ---------------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("fabric", FABRICS)
 @pytest.mark.parametrize("symmetry", SYMMETRIES)
 @pytest.mark.parametrize("element", ELEMENTS)
-def test_forces_are_those_of_the_equilibrium_check(make_model, element, symmetry):
-    model = make_model(element, symmetry)
+def test_forces_are_those_of_the_equilibrium_check(make_model, element, symmetry, fabric):
+    model = make_model(element, symmetry, fabric)
     assembly = Assembly(model)
     u = deformed(assembly)
     expected = internal_forces(model, u), pressure_forces(model, u, ACTUATION)
@@ -64,9 +66,10 @@ def test_a_model_without_pressures_has_none(patch):
     assert np.array_equal(*values)
 
 
+@pytest.mark.parametrize("fabric", FABRICS)
 @pytest.mark.parametrize("element", ELEMENTS)
-def test_internal_forces_are_the_slope_of_the_strain_energy(make_model, element):
-    model = make_model(element)
+def test_internal_forces_are_the_slope_of_the_strain_energy(make_model, element, fabric):
+    model = make_model(element, fabric=fabric)
     assembly = Assembly(model)
     u = deformed(assembly)
     inside, _ = assembly.forces(u, 0.0, 0.0)
@@ -80,11 +83,12 @@ def test_internal_forces_are_the_slope_of_the_strain_energy(make_model, element)
 # --- tangent --------------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("fabric", FABRICS)
 @pytest.mark.parametrize("symmetry", SYMMETRIES)
 @pytest.mark.parametrize("element", ELEMENTS)
-def test_the_tangent_of_the_fabric_is_the_slope_of_its_forces(make_model, element, symmetry):
+def test_the_tangent_of_the_fabric_is_the_slope_of_its_forces(make_model, element, symmetry, fabric):
     """On the free displacements: with everything that *EQUATIONs hand over."""
-    assembly = Assembly(make_model(element, symmetry))
+    assembly = Assembly(make_model(element, symmetry, fabric))
     u = deformed(assembly)
     matrix = stiffness(Tangent(assembly), u)
     for free in directions(assembly):
@@ -141,8 +145,9 @@ def test_the_pattern_is_an_upper_triangle_with_its_diagonal(make_model):
     assert (np.diff(tangent.indices)[same_row] > 0).all()
 
 
-def test_what_moving_edges_drag_along_is_the_slope_of_the_internal_forces(make_model):
-    model = make_model()
+@pytest.mark.parametrize("fabric", FABRICS)
+def test_what_moving_edges_drag_along_is_the_slope_of_the_internal_forces(make_model, fabric):
+    model = make_model(fabric=fabric)
     assembly = Assembly(model)
     u = deformed(assembly)
     moved = 0.1 * assembly.prescribed
@@ -151,8 +156,9 @@ def test_what_moving_edges_drag_along_is_the_slope_of_the_internal_forces(make_m
     assert np.linalg.norm(dragged - expected) < 1e-7 * np.linalg.norm(expected)
 
 
-def test_mass_is_that_of_the_equilibrium_check(make_model):
-    model = make_model()
+@pytest.mark.parametrize("fabric", FABRICS)
+def test_mass_is_that_of_the_equilibrium_check(make_model, fabric):
+    model = make_model(fabric=fabric)
     assembly = Assembly(model)
     tangent = Tangent(assembly)
     matrix = whole(tangent, tangent.mass)

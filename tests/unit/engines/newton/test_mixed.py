@@ -11,10 +11,10 @@ from limo.engines.newton.tangent import Tangent
 from tests.helpers.matrices import deformed, directions, stiffness, whole
 
 
-@pytest.fixture
-def step(make_model) -> tuple[Assembly, np.ndarray, np.ndarray]:
+@pytest.fixture(params=["isotropic", "woven"])
+def step(request, make_model) -> tuple[Assembly, np.ndarray, np.ndarray]:
     """A state of a device and one after a step of tenths of millimetres (n, 3)."""
-    assembly = Assembly(make_model())
+    assembly = Assembly(make_model(fabric=request.param))
     u = 0.2 * deformed(assembly)
     return assembly, u, u + assembly.expand(0.1 * directions(assembly)[0])
 

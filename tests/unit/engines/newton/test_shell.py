@@ -19,9 +19,9 @@ ACTUATION = 20.0  # kPa
 STEP = 1e-5  # mm
 
 
-@pytest.fixture
-def shells(make_model) -> ShellAssembly:
-    return ShellAssembly(make_model("SHELL8R"))
+@pytest.fixture(params=["isotropic", "woven"])
+def shells(request, make_model) -> ShellAssembly:
+    return ShellAssembly(make_model("SHELL8R", fabric=request.param))
 
 
 @pytest.fixture
@@ -96,10 +96,11 @@ def test_the_tangent_is_the_second_slope_of_the_potential_energy(shells, pressur
             assert np.linalg.norm(matrix @ y - expected) < 1e-6 * np.linalg.norm(expected)
 
 
+@pytest.mark.parametrize("fabric", ["isotropic", "woven"])
 @pytest.mark.parametrize(("symmetry", "branch"), [("quarter", 0), ("quarter", 1), ("front_back", 0), ("full", 2)])
-def test_forces_are_those_of_the_equilibrium_check(make_model, symmetry, branch):
+def test_forces_are_those_of_the_equilibrium_check(make_model, symmetry, branch, fabric):
     """Of perturbed flat states, too, whose layers do not lie in a plane."""
-    model = make_model("SHELL8R", symmetry, branch=branch)
+    model = make_model("SHELL8R", symmetry, fabric, branch=branch)
     assembly = ShellAssembly(model)
     u = assembly.expand(moved(assembly)) + assembly.prescribed
     shell = model.expansion
