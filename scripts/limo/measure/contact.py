@@ -65,16 +65,16 @@ def _pierced(points: np.ndarray, sides_of: np.ndarray, faces: np.ndarray, moved:
 def endo_through_epi(mesh: DeviceMesh, points: np.ndarray, thickness: float) -> np.ndarray:
     """Places (c, 3) where endocardium and epicardium have passed each other, from middle-surface positions (n, 3) in mm.
 
-    By more than ``thickness`` (mm) along their common normal at integration points, as ``limo.mechanics.contact`` has it: layers
-    that touch come to a twentieth of that beyond each other, and in sharp creases further.
+    By more than ``thickness`` (mm) along their common normal at integration points, as ``limo.mechanics.contact`` has it, where
+    they face the same way: layers that touch come to a twentieth of that beyond each other, and in sharp creases further.
     """
-    contact = contact_of(mesh, front_back=False, endo_epi=True, penalty=1.0, reach=thickness)
+    contact = contact_of(mesh, front_back=False, endo_epi=True, penalty=1.0, reach=thickness, span=thickness)
     if contact is None:
         return np.empty((0, 3))
     touching = Touching(contact, mesh.nodes)
     _, gaps = touching.gaps(points)
     places = np.einsum("gn,mnk->mgk", touching.values, points[contact.lower])
-    return places[gaps < -thickness]
+    return places[(gaps < -thickness) & touching.facing(points)]
 
 
 def front_through_back(mesh: DeviceMesh, points: np.ndarray, thickness: float) -> np.ndarray:

@@ -22,6 +22,8 @@ PERTURBATION = 0.05
 
 #: kPa under which layers pass each other by the share of the thickness that is stated
 CONTACT_PRESSURE = 100.0
+#: thicknesses between points of two layers beyond which they do not touch
+CONTACT_SPAN = 6.0
 
 
 class Described(Protocol):
@@ -139,6 +141,7 @@ def build_model(case: Described, mesh: DeviceMesh, *, like_shells: bool | None =
         endo_epi=touch.endo_epi,
         penalty=KPA * CONTACT_PRESSURE / (touch.penetration * thickness),
         reach=touch.penetration * thickness,
+        span=CONTACT_SPAN * thickness,
     )
     values["pressures"] = pressures(mesh, like_shells=shell if like_shells is None else like_shells)
     displacements = valve_displacements(case.aspect_ratio, mesh)

@@ -3,16 +3,18 @@
 Middle surfaces of layers that lie on each other in the flat state may part, slide and come back, but not pass each other. With
 delta = x_upper - x_lower of the same point of the flat state and a_1, a_2 the tangents of the mean of both surfaces,
 
-    g = delta . (a_1 x a_2) / A_0,   Pi_c = int psi(g) dA_0
+    g = delta . (a_1 x a_2) / A_0,   Pi_c = int psi(g) w(|delta|) dA_0
 
 A_0 dxi is the flat area, so that g is the gap along the common normal times the stretch of the area, and a polynomial: forces
 and tangent are exact. The contact acts as a pressure p = -psi'(g) on both layers. Sliding is free. It begins at a gap of r:
 
     p = k (r - g)^2 / (4 r) for |g| < r,   p = -k g below
 
-so that the tangent has no jump: with one, layers that lie on each other open and close from iteration to iteration. Layers
-that face away from each other, as beside a seam that is wide open, do not touch: the mean of their tangents says nothing of a
-gap. In models with the plane of symmetry z = 0 the inner layers have it for their other surface: g = z.
+so that the tangent has no jump: with one, layers that lie on each other open and close from iteration to iteration. Points that
+are far from each other do not touch, whatever the mean of their tangents says: beside a seam that is wide open it vanishes. So w
+falls smoothly from one to zero between three and six thicknesses, by a polynomial with two continuous slopes. Layers that touch
+are less than one thickness from each other, and in creases up to three. Layers that have slid further pass each other. In models
+with the plane of symmetry z = 0 the inner layers have it for their other surface: g = z, whatever they slide.
 
 r is a stated share of the thickness, and k is 100 kPa over r, by which layers then pass each other. It is the same for all
 P_a,max, so that a case that goes further passes through the same states. What is left of gap and penetration is proportional
@@ -37,7 +39,7 @@ class Contact:
     """Which quadrilaterals may not pass what, by nodes of the mesh.
 
     ``plane`` (p, 8): those that stay at z >= 0. ``lower``, ``upper`` (q, 8): pairs, node by node at the same place of the flat
-    state. ``penalty``: k in MPa / mm.
+    state. ``penalty``: k in MPa / mm; ``reach``: r, and ``span``: how far points that touch may be from each other, both in mm.
     """
 
     plane: np.ndarray
@@ -45,6 +47,13 @@ class Contact:
     upper: np.ndarray
     penalty: float
     reach: float
+    span: float
+
+    def weight(self, square: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """w, and its slope in 1 / mm^2, of |delta|^2 (...) in mm^2: one up to half of the span, zero beyond it."""
+        start, end = 0.25 * self.span**2, self.span**2
+        q = np.clip((square - start) / (end - start), 0.0, 1.0)
+        return 1 - q**3 * (10 - 15 * q + 6 * q**2), -30 * (q * (1 - q)) ** 2 / (end - start)
 
     def pressure(self, gap: np.ndarray) -> np.ndarray:
         """p in MPa of gaps (...) in mm."""
@@ -62,7 +71,9 @@ class Contact:
         return self.penalty * np.where(gap < -self.reach, passed, near**3 / (12 * self.reach))
 
 
-def contact_of(mesh: DeviceMesh, *, front_back: bool, endo_epi: bool, penalty: float, reach: float) -> Contact | None:
+def contact_of(
+    mesh: DeviceMesh, *, front_back: bool, endo_epi: bool, penalty: float, reach: float, span: float
+) -> Contact | None:
     """The contact of a device's layers; None where none may touch."""
     inner = mesh.layer != LAYERS.index("epi")
     front, back = (mesh.face == FACES.index(face) for face in ("front", "back"))
@@ -77,7 +88,7 @@ def contact_of(mesh: DeviceMesh, *, front_back: bool, endo_epi: bool, penalty: f
         # the epicardium is the outer one: above on the front, below on the back
         pairs += [_paired(mesh, endo & front, epi & front), _paired(mesh, epi & back, endo & back)]
     lower, upper = (np.vstack(each) for each in zip(*pairs, strict=True))
-    return Contact(plane, lower, upper, penalty, reach) if len(plane) + len(lower) else None
+    return Contact(plane, lower, upper, penalty, reach, span) if len(plane) + len(lower) else None
 
 
 def _paired(mesh: DeviceMesh, lower: np.ndarray, upper: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -107,12 +118,16 @@ class Touching:
         return np.linalg.norm(np.cross(*self._tangents(self._rest[quads])), axis=-1)
 
     def gaps(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """g in mm at places x (n, 3): of the plane (p, g), and of pairs (q, g), infinite where they face away from each other."""
-        plane = np.einsum("gn,mn->mg", self.values, x[self.contact.plane, 2])
-        delta, first, second = self._parts(x, slice(None))
-        gap = np.einsum("mgk,mgk->mg", delta, np.cross(first, second)) / self.pair_area
+        """g in mm at places x (n, 3): of the plane (p, g), and of pairs (q, g)."""
+        return np.einsum("gn,mn->mg", self.values, x[self.contact.plane, 2]), self._gaps(*self._parts(x, slice(None)))
+
+    def _gaps(self, delta: np.ndarray, first: np.ndarray, second: np.ndarray) -> np.ndarray:
+        return np.einsum("mgk,mgk->mg", delta, np.cross(first, second)) / self.pair_area
+
+    def facing(self, x: np.ndarray) -> np.ndarray:
+        """Whether both layers of pairs (q, g) face the same way."""
         lower, upper = (np.cross(*self._tangents(x[quads])) for quads in (self.contact.lower, self.contact.upper))
-        return plane, np.where(np.einsum("mgk,mgk->mg", lower, upper) > 0, gap, np.inf)
+        return np.einsum("mgk,mgk->mg", lower, upper) > 0
 
     def _tangents(self, nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """a_1 and a_2 (q, g, 3) of quadrilaterals with nodes (q, 8, 3)."""
@@ -123,27 +138,33 @@ class Touching:
         lower, upper = x[self.contact.lower[pairs]], x[self.contact.upper[pairs]]
         return np.einsum("gn,mnk->mgk", self.values, upper - lower), *self._tangents(0.5 * (lower + upper))
 
-    def _near(self, gaps: np.ndarray) -> np.ndarray:
-        """Numbers (a,) of pairs with gaps (q, g) below the reach."""
-        return np.flatnonzero((gaps < self.contact.reach).any(axis=1))
+    def _near(self, gaps: np.ndarray, weights: np.ndarray) -> np.ndarray:
+        """Numbers (a,) of pairs with gaps (q, g) below the reach at points that are not far from each other."""
+        return np.flatnonzero(((gaps < self.contact.reach) & (weights > 0)).any(axis=1))
 
     def energy(self, x: np.ndarray) -> float:
         """Pi_c in N mm at places x (n, 3)."""
-        plane, pairs = self.gaps(x)
-        of_plane = self.plane_area * self.contact.energy(plane)
-        return float(of_plane.sum() + (self.pair_area * self.weights * self.contact.energy(pairs)).sum())
+        contact, parts = self.contact, self._parts(x, slice(None))
+        weight, _ = contact.weight((parts[0] ** 2).sum(axis=-1))
+        plane, pairs = self.gaps(x)[0], self._gaps(*parts)
+        of_plane = self.plane_area * contact.energy(plane)
+        return float(of_plane.sum() + (self.pair_area * self.weights * weight * contact.energy(pairs)).sum())
 
     def forces(self, x: np.ndarray) -> np.ndarray:
         """dPi_c / dx (n, 3) in N: what the contact adds to the internal forces."""
-        total, contact = np.zeros(x.shape), self.contact
-        plane, pairs = self.gaps(x)
+        total, contact, (delta, first, second) = np.zeros(x.shape), self.contact, self._parts(x, slice(None))
+        plane, pairs = self.gaps(x)[0], self._gaps(delta, first, second)
+        weight, slope = contact.weight((delta**2).sum(axis=-1))
         pushed = -np.einsum("gn,mg->mn", self.values, self.plane_area * contact.pressure(plane))
         np.add.at(total[:, 2], self.contact.plane, pushed)
-        if (active := self._near(pairs)).size:
-            slope = self._gradients(*self._parts(x, active))  # (a, g, 16, 3)
-            share = -self.weights * contact.pressure(pairs[active])
-            nodes = np.hstack([self.contact.lower[active], self.contact.upper[active]])
-            np.add.at(total, nodes, np.einsum("mg,mgnk->mnk", share, slope))
+        if (near := self._near(pairs, weight)).size:
+            delta, gaps = delta[near], pairs[near]
+            push = -self.weights * weight[near] * contact.pressure(gaps)
+            found = np.einsum("mg,mgnk->mnk", push, self._gradients(delta, first[near], second[near]))
+            apart = 2 * self.weights * self.pair_area[near] * slope[near] * contact.energy(gaps)
+            pulled = np.einsum("mg,gn,mgk->mnk", apart, self.values, delta)
+            found += np.concatenate([-pulled, pulled], axis=1)
+            np.add.at(total, np.hstack([self.contact.lower[near], self.contact.upper[near]]), found)
         return total
 
     def _gradients(self, delta: np.ndarray, first: np.ndarray, second: np.ndarray) -> np.ndarray:

@@ -10,7 +10,7 @@ from limo.mechanics.contact import Contact, Touching, contact_of
 from limo.mesh.elements import QUAD8
 from limo.mesh.layers import LAYERS
 
-PENALTY, REACH = 2.0, 0.02  # MPa / mm, mm
+PENALTY, REACH, SPAN = 2.0, 0.02, 1.0  # MPa / mm, mm, mm
 STEP = 1e-5  # mm
 
 
@@ -21,7 +21,7 @@ def mesh(request, device_mesh):
 
 @pytest.fixture
 def touching(mesh) -> Touching:
-    return Touching(contact_of(mesh, front_back=True, endo_epi=True, penalty=PENALTY, reach=REACH), mesh.nodes)
+    return Touching(contact_of(mesh, front_back=True, endo_epi=True, penalty=PENALTY, reach=REACH, span=SPAN), mesh.nodes)
 
 
 def pressed(touching: Touching, mesh, size: float = 0.3, seed: int = 1) -> np.ndarray:
@@ -59,7 +59,7 @@ def test_layers_that_part_store_nothing(mesh, touching):
 
 
 def test_pressure_and_stiffness_are_slopes_without_a_jump():
-    contact = Contact(np.empty((0, 8), int), np.empty((0, 8), int), np.empty((0, 8), int), PENALTY, REACH)
+    contact = Contact(np.empty((0, 8), int), np.empty((0, 8), int), np.empty((0, 8), int), PENALTY, REACH, SPAN)
     gap = np.linspace(-3 * REACH, 2 * REACH, 2001)
     np.testing.assert_allclose(-np.gradient(contact.energy(gap), gap)[1:-1], contact.pressure(gap)[1:-1], atol=1e-6)
     np.testing.assert_allclose(-np.gradient(contact.pressure(gap), gap)[1:-1], contact.stiffness(gap)[1:-1], atol=1e-2)
@@ -70,13 +70,13 @@ def test_pressure_and_stiffness_are_slopes_without_a_jump():
 def test_two_flat_layers_pressed_into_each_other_push_with_k_g(device_mesh):
     """Beyond the reach; whatever direction they face and however far they have slid; the gap is that along the normal."""
     mesh = device_mesh(symmetry="quarter")
-    touching = Touching(contact_of(mesh, front_back=False, endo_epi=True, penalty=PENALTY, reach=REACH), mesh.nodes)
+    touching = Touching(contact_of(mesh, front_back=False, endo_epi=True, penalty=PENALTY, reach=REACH, span=SPAN), mesh.nodes)
     contact = touching.contact
     area = touching.pair_area.sum()
     places, gap, slid = mesh.nodes.copy(), 0.03, np.array([0.4, -0.2, 0.0])
     # layers that share no node: the epicardium as nodes of its own
     count = len(places)
-    apart = type(contact)(contact.plane, contact.lower, contact.upper + count, PENALTY, REACH)
+    apart = type(contact)(contact.plane, contact.lower, contact.upper + count, PENALTY, REACH, SPAN)
     both = np.vstack([places, places])
     alone = Touching(apart, both)
     turn = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))[0]
@@ -94,7 +94,7 @@ def test_layers_that_are_wide_open_do_not_touch(angle):
     flat = np.column_stack([2.5 * (QUAD8 + 1), np.zeros(8)])
     turned = flat @ Rotation.from_euler("y", -angle, degrees=True).as_matrix().T
     quad = np.arange(8)[None]
-    touching = Touching(Contact(np.empty((0, 8), int), quad, quad + 8, PENALTY, REACH), np.vstack([flat, flat]))
+    touching = Touching(Contact(np.empty((0, 8), int), quad, quad + 8, PENALTY, REACH, SPAN), np.vstack([flat, flat]))
     open_pair = np.vstack([flat, turned])
     assert touching.energy(open_pair) == 0.0
     assert not touching.forces(open_pair).any()
@@ -112,7 +112,7 @@ def test_forces_are_the_slope_of_the_energy(mesh, touching):
 
 def test_a_rigid_motion_and_its_mirror_image_change_nothing(device_mesh):
     mesh = device_mesh(symmetry="full")
-    touching = Touching(contact_of(mesh, front_back=True, endo_epi=True, penalty=PENALTY, reach=REACH), mesh.nodes)
+    touching = Touching(contact_of(mesh, front_back=True, endo_epi=True, penalty=PENALTY, reach=REACH, span=SPAN), mesh.nodes)
     x = pressed(touching, mesh)
     turn = np.linalg.qr(np.random.default_rng(5).normal(size=(3, 3)))[0]
     turn *= np.sign(np.linalg.det(turn))
@@ -121,4 +121,4 @@ def test_a_rigid_motion_and_its_mirror_image_change_nothing(device_mesh):
 
 
 def test_without_contact_there_is_none(mesh):
-    assert contact_of(mesh, front_back=False, endo_epi=False, penalty=PENALTY, reach=REACH) is None
+    assert contact_of(mesh, front_back=False, endo_epi=False, penalty=PENALTY, reach=REACH, span=SPAN) is None

@@ -71,5 +71,7 @@ def tangent_of(touching: Touching, x: np.ndarray) -> tuple[np.ndarray, np.ndarra
     of_pairs = np.empty((len(contact.lower), 16, len(PAIRS), 16))
     pairs = np.ascontiguousarray(contact.lower, np.int64), np.ascontiguousarray(contact.upper, np.int64)
     points = values, *touching.slopes, touching.pair_area, touching.weights
-    contact_kernels.pair_tangents(np.ascontiguousarray(x), *pairs, *points, contact.penalty, contact.reach, of_pairs)
+    contact_kernels.pair_tangents(
+        np.ascontiguousarray(x), *pairs, *points, contact.penalty, contact.reach, contact.span, of_pairs
+    )
     return of_plane, of_pairs

@@ -7,21 +7,22 @@ import numpy as np
 from limo.engines.newton.kernels import _compiled
 
 
-@_compiled("void(f8[:,::1], i8[:,::1], i8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[::1], f8, f8, f8[:,:,:,::1])")
-def pair_tangents(x, lower, upper, values, first, second, area, weights, penalty, reach, found):
+@_compiled(
+    "void(f8[:,::1], i8[:,::1], i8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[::1], f8, f8, f8, f8[:,:,:,::1])"
+)
+def pair_tangents(x, lower, upper, values, first, second, area, weights, penalty, reach, span, found):
     """d^2 Pi_c / dx^2 (q, 16, 6, 16) of pairs (q, 8): slots, parts in the order of ``kernels.PAIRS``, slots.
 
     ``values``, ``first``, ``second`` (g, 8): shape functions and their slopes at the points; ``area`` (q, g): A_0.
     """
     a, b, c = np.empty(16), np.empty(16), np.empty(16)
+    start, width = 0.25 * span * span, 0.75 * span * span
     slope = np.empty((16, 3))
     for q in range(len(lower)):
         out = found[q]
         out[:] = 0.0
         for g in range(len(values)):
             d0 = d1 = d2 = u0 = u1 = u2 = v0 = v1 = v2 = 0.0
-            # half of how far the tangents of the upper layer are from those of the lower one
-            e0 = e1 = e2 = h0 = h1 = h2 = 0.0
             for n in range(8):
                 low, high = x[lower[q, n]], x[upper[q, n]]
                 f, s, t = values[g, n], 0.5 * first[g, n], 0.5 * second[g, n]
@@ -37,28 +38,28 @@ def pair_tangents(x, lower, upper, values, first, second, area, weights, penalty
                 v0 += t * (high[0] + low[0])
                 v1 += t * (high[1] + low[1])
                 v2 += t * (high[2] + low[2])
-                e0 += s * (high[0] - low[0])
-                e1 += s * (high[1] - low[1])
-                e2 += s * (high[2] - low[2])
-                h0 += t * (high[0] - low[0])
-                h1 += t * (high[1] - low[1])
-                h2 += t * (high[2] - low[2])
             across0, across1, across2 = u1 * v2 - u2 * v1, u2 * v0 - u0 * v2, u0 * v1 - u1 * v0
             gap = (d0 * across0 + d1 * across1 + d2 * across2) / area[q, g]
-            # normals of both layers are across + e x h, plus and minus e x v + u x h
-            p0, p1, p2 = across0 + e1 * h2 - e2 * h1, across1 + e2 * h0 - e0 * h2, across2 + e0 * h1 - e1 * h0
-            w0 = e1 * v2 - e2 * v1 + u1 * h2 - u2 * h1
-            w1 = e2 * v0 - e0 * v2 + u2 * h0 - u0 * h2
-            w2 = e0 * v1 - e1 * v0 + u0 * h1 - u1 * h0
-            facing = p0 * p0 + p1 * p1 + p2 * p2 - w0 * w0 - w1 * w1 - w2 * w2
-            if gap >= reach or facing <= 0:
+            far = (d0 * d0 + d1 * d1 + d2 * d2 - start) / width
+            if gap >= reach or far >= 1:
                 continue
             if gap < -reach:
-                pressure, stiff = -penalty * gap, penalty
+                pressure, stiff, stored = -penalty * gap, penalty, penalty * (0.5 * gap * gap + reach * reach / 6)
             else:
-                pressure, stiff = penalty * (reach - gap) ** 2 / (4 * reach), penalty * (reach - gap) / (2 * reach)
-            stiff *= weights[g] / area[q, g]
-            pressure *= weights[g]
+                near = reach - gap
+                pressure, stiff = penalty * near**2 / (4 * reach), penalty * near / (2 * reach)
+                stored = penalty * near**3 / (12 * reach)
+            # w, and its slopes by |delta|^2, of which delta depends on nodes by 2 a_n delta
+            w, w1, w2 = 1.0, 0.0, 0.0
+            if far > 0:
+                w = 1 - far**3 * (10 - 15 * far + 6 * far * far)
+                w1 = -30 * (far * (1 - far)) ** 2 / width
+                w2 = -60 * far * (1 - far) * (1 - 2 * far) / (width * width)
+            same = 2 * w1 * stored * weights[g] * area[q, g]
+            both = 4 * w2 * stored * weights[g] * area[q, g]
+            mixed = -2 * w1 * pressure * weights[g]
+            stiff *= w * weights[g] / area[q, g]
+            pressure *= w * weights[g]
             one0, one1, one2 = v1 * d2 - v2 * d1, v2 * d0 - v0 * d2, v0 * d1 - v1 * d0
             two0, two1, two2 = d1 * u2 - d2 * u1, d2 * u0 - d0 * u2, d0 * u1 - d1 * u0
             for n in range(16):
@@ -75,3 +76,14 @@ def pair_tangents(x, lower, upper, values, first, second, area, weights, penalty
                     out[n, 3, m] += x0 * slope[m, 1] - pressure * (ab * v2 - ac * u2 + bc * d2)
                     out[n, 4, m] += x0 * slope[m, 2] + pressure * (ab * v1 - ac * u1 + bc * d1)
                     out[n, 5, m] += x1 * slope[m, 2] - pressure * (ab * v0 - ac * u0 + bc * d0)
+            if far <= 0:
+                continue
+            for n in range(16):
+                for m in range(16):
+                    own, f, h = both * a[n] * a[m], mixed * a[n], mixed * a[m]
+                    out[n, 0, m] += (own * d0 + f * slope[m, 0] + h * slope[n, 0]) * d0 + same * a[n] * a[m]
+                    out[n, 1, m] += (own * d1 + f * slope[m, 1] + h * slope[n, 1]) * d1 + same * a[n] * a[m]
+                    out[n, 2, m] += (own * d2 + f * slope[m, 2] + h * slope[n, 2]) * d2 + same * a[n] * a[m]
+                    out[n, 3, m] += own * d0 * d1 + f * d0 * slope[m, 1] + h * slope[n, 0] * d1
+                    out[n, 4, m] += own * d0 * d2 + f * d0 * slope[m, 2] + h * slope[n, 0] * d2
+                    out[n, 5, m] += own * d1 * d2 + f * d1 * slope[m, 2] + h * slope[n, 1] * d2

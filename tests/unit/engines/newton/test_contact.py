@@ -12,13 +12,13 @@ from limo.engines.newton.contact import tangent_of
 from limo.engines.newton.iteration import _discrete
 from limo.mechanics.contact import Touching, contact_of
 
-PENALTY, REACH = 2.0, 0.02  # MPa / mm, mm
+PENALTY, REACH, SPAN = 2.0, 0.02, 1.0  # MPa / mm, mm, mm
 VENTRICULAR, ACTUATION = 13.8, 40.0
 
 
 def touched(model):
     """A model whose layers touch, front and back too."""
-    contact = contact_of(model.mesh, front_back=True, endo_epi=True, penalty=PENALTY, reach=REACH)
+    contact = contact_of(model.mesh, front_back=True, endo_epi=True, penalty=PENALTY, reach=REACH, span=SPAN)
     return replace(model, contact=contact)
 
 
@@ -32,7 +32,7 @@ def pressed(nodes: np.ndarray, size: float = 0.3, seed: int = 1) -> np.ndarray:
 @pytest.mark.parametrize("symmetry", ["quarter", "full"])
 def test_the_tangent_is_the_slope_of_the_forces(device_mesh, symmetry):
     mesh = device_mesh(symmetry=symmetry)
-    contact = contact_of(mesh, front_back=True, endo_epi=True, penalty=PENALTY, reach=REACH)
+    contact = contact_of(mesh, front_back=True, endo_epi=True, penalty=PENALTY, reach=REACH, span=SPAN)
     touching = Touching(contact, mesh.nodes)
     x = pressed(mesh.nodes)
     plane, pairs = tangent_of(touching, x)
