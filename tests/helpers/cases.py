@@ -35,7 +35,7 @@ def woven(material: Material, **changes) -> Material:
     """The fabric with yarns, and with a pouch sheet of another weave, thickness and bending stiffness."""
     yarns = {"warp_modulus": 400.0, "weft_modulus": 150.0, "poisson_ratio": 0.4, "shear_modulus": 40.0, "angle": 25.0}
     plain = material.model_dump(exclude={"pouch_sheet"})
-    other = {**yarns, "warp_modulus": 90.0, "angle": -60.0}
+    other = {**yarns, "warp_modulus": 90.0, "poisson_ratio": 0.2, "angle": -60.0}
     outer = {**plain, "thickness": 0.12, "weave": other, "bending_factor": 0.5}
     values = {"weave": yarns, "bending_factor": 0.3, "pouch_sheet": outer} | changes
     return Material.model_validate(plain | {key: value for key, value in values.items() if value is not None})

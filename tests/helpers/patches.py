@@ -36,7 +36,7 @@ def patch_mesh(points: np.ndarray, quads: np.ndarray, layer: int = 2) -> DeviceM
 
 def patch_model(case: Case, mesh: DeviceMesh, nodes: np.ndarray | None = None) -> Model:
     """A model of the patch, loaded by P_a from below, with other brick nodes (n, 3) in mm if given."""
-    shell = expand(mesh, case.device.material.thickness)
+    shell = expand(mesh, described(case)["fabric"].layer)
     if nodes is not None:
         shell = type(shell)(nodes, shell.bricks, shell.bottom, shell.middle, shell.top)
     load = Pressure("epi_front", np.arange(len(mesh.quads)), "bottom", 0.0, 1.0)

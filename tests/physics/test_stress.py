@@ -18,7 +18,7 @@ from limo.mechanics.equilibrium import residual
 from limo.mechanics.layer import flat_areas, layer_state, surface_points
 from limo.mesh.elements import gauss
 from limo.schema.solver import Solver
-from tests.helpers.cases import small_mesh, with_
+from tests.helpers.cases import small_mesh, with_, woven
 
 PRESSURE = 10.0  # kPa
 
@@ -48,15 +48,23 @@ def double_precision(restart: bytes, single: np.ndarray) -> np.ndarray:
     raise AssertionError("the restart file does not hold the displacements of the frame")
 
 
-@pytest.fixture(scope="module")
-def converged(case, tmp_path_factory):
-    """The whole loading of a coarse quarter of the device (about 100 elements), with CalculiX's own stresses at its end."""
+@pytest.fixture(scope="module", params=["isotropic", "woven"])
+def converged(request, case, tmp_path_factory):
+    """The whole loading of a coarse quarter of the device (about 100 elements), with CalculiX's own stresses at its end.
+
+    Of woven fabric, too, whose yarns turn by large rotations.
+    """
     folder = tmp_path_factory.mktemp("stress")
     case = with_(case, actuation_pressure_max=PRESSURE)
+    if request.param == "woven":
+        fabric = woven(case.device.material, bending_factor=None)
+        case = with_(case, device=case.device.model_copy(update={"material": fabric}))
     model = build_model(case, small_mesh(case, 3000, "quarter"))
     deck = folder / "deck.inp"
     times = write_deck(model, deck)
-    only_last = "*RESTART, WRITE\n*NODE OUTPUT, FREQUENCY=999999\nU\n*EL PRINT, ELSET=DEVICE, FREQUENCY=999999\nS, E\n"
+    only_last = (
+        "*RESTART, WRITE\n*NODE OUTPUT, FREQUENCY=999999\nU\n*EL PRINT, ELSET=DEVICE, FREQUENCY=999999, GLOBAL=YES\nS, E\n"
+    )
     text, count = re.subn(r"\*NODE OUTPUT, FREQUENCY=1\nU\n", only_last, deck.read_text())
     assert count == 1
     deck.write_text(text)

@@ -80,7 +80,7 @@ class Case:
         return fitted | {
             "mesh": self.mesh_content(),
             "element": self.mesh.element,
-            "material": self.device.material.content(),
+            "material": self.device.material.model_dump(mode="json"),
             "ventricular_pressure": self.ventricular_pressure,
             "actuation_pressure_max": self.actuation_pressure_max,
             "aspect_ratio": self.aspect_ratio,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
@@ -11,16 +11,24 @@ from typing import Any, NamedTuple
 
 from limo.cases.case import Case
 from limo.config.project import Project
-from limo.schema.device import Device
+from limo.schema.device import Device, Sheet
 from limo.schema.numerics import MeshLevel, Numerics
 from limo.schema.section import ENGINES
 from limo.schema.study import Study
+
+#: axes that replace what a device has of its own, and that
+OWN: dict[str, Callable[[Device], float]] = {
+    "width_scale": lambda device: device.pattern.width_scale,
+    "fabric_angle": lambda device: device.material.weave.angle if device.material.weave else 0.0,
+    "bending_factor": lambda device: device.material.bending_factor,
+}
 
 
 class GridPoint(NamedTuple):
     """Where a case lies in the grid of a study: a value of each axis, P_v in kPa.
 
-    ``width_scale`` is the device's own where a study does not vary it, ``variant`` is empty where it has none.
+    ``width_scale``, ``fabric_angle`` and ``bending_factor`` are the device's own where a study does not vary them (an isotropic
+    fabric has the angle 0); ``variant`` is empty where it has none.
     """
 
     n_pouches: int
@@ -28,6 +36,8 @@ class GridPoint(NamedTuple):
     aspect_ratio: float
     stiffness_ratio: float
     width_scale: float
+    fabric_angle: float
+    bending_factor: float
     variant: str
     branch: int
 
@@ -52,15 +62,17 @@ class StudyGrid:
     def axes(self) -> Mapping[str, tuple]:
         """The dimensions of the grid (the fields of ``GridPoint``) and their values; those that are not varied have one.
 
-        Without ``width_scale`` devices have their own; the one of the study's device stands for it.
+        What the axes of ``OWN`` leave out devices have of their own; that of the study's device stands for it.
         """
         axes, project = self.study.axes, self.project
+        device = project.devices[self.study.device]
+        own = {name: getattr(axes, name) or [value(device)] for name, value in OWN.items()}
         values = GridPoint(
             n_pouches=axes.n_pouches,
             ventricular_pressure=axes.ventricular_pressure,
             aspect_ratio=axes.aspect_ratio,
             stiffness_ratio=axes.stiffness_ratio,
-            width_scale=axes.width_scale or [project.devices[self.study.device].pattern.width_scale],
+            **own,
             variant=list(self.study.variants) or [""],
             branch=range(project.branches_of(self.study)),
         )
@@ -70,8 +82,8 @@ class StudyGrid:
     def cases(self) -> Mapping[GridPoint, Case]:
         """The cases by their points, the last axis varying fastest."""
         study, config, settings = self.study, self.project.config, self.project.settings(self.name)
-        scales = study.axes.width_scale or [None]
-        devices = {(name, scale): _scaled(s.device, scale) for name, s in settings.items() for scale in scales}
+        varied = [name for name in OWN if getattr(study.axes, name)]
+        devices = {}
         # what the engine does not look at is no part of a case: changing it must change nothing that a case is compared by
         numerics = {name: s.numerics.for_engine(s.engine) for name, s in settings.items()}
         fit_levels = {name: self._fit_levels(each) for name, each in numerics.items()}
@@ -79,8 +91,12 @@ class StudyGrid:
         cases = {}
         for point in map(GridPoint._make, product(*self.axes.values())):
             setting = settings[point.variant]
+            changes = {name: getattr(point, name) for name in varied}
+            device = (point.variant, *changes.values())
+            if device not in devices:
+                devices[device] = changed(setting.device, **changes)
             cases[point] = Case(
-                device=devices[point.variant, point.width_scale if study.axes.width_scale else None],
+                device=devices[device],
                 device_name=setting.device_name,
                 n_pouches=point.n_pouches,
                 ventricular_pressure=point.ventricular_pressure,
@@ -144,8 +160,20 @@ def cross_checks(project: Project, name: str) -> Mapping[GridPoint, Case]:
     return study_grid(project, name).cross_checks
 
 
-def _scaled(device: Device, scale: float | None) -> Device:
-    """The device with other widths; with None the device."""
-    if scale is None:
-        return device
-    return device.model_copy(update={"pattern": device.pattern.model_copy(update={"width_scale": scale})})
+def changed(device: Device, **changes: float) -> Device:
+    """The device with other values of ``OWN``; the fabric's are those of all its sheets."""
+    pattern, material = device.pattern, _changed_sheet(device.material, changes)
+    if "width_scale" in changes:
+        pattern = pattern.model_copy(update={"width_scale": changes["width_scale"]})
+    if material.pouch_sheet is not None:
+        material = material.model_copy(update={"pouch_sheet": _changed_sheet(material.pouch_sheet, changes)})
+    return device.model_copy(update={"pattern": pattern, "material": material})
+
+
+def _changed_sheet(sheet: Sheet, changes: Mapping[str, float]) -> Sheet:
+    update: dict[str, Any] = {}
+    if "fabric_angle" in changes and sheet.weave is not None:
+        update["weave"] = sheet.weave.model_copy(update={"angle": changes["fabric_angle"]})
+    if "bending_factor" in changes:
+        update["bending_factor"] = changes["bending_factor"]
+    return sheet.model_copy(update=update)

@@ -165,9 +165,32 @@ def checked_setting(known: Known, path: Path, study: Study, name: str, variant: 
     check_name(path, f"{prefix}mesh.level", setting.mesh.level, known.config.mesh_levels)
     if find_element(setting.mesh.element).is_shell:
         check_shells(path, study, prefix, setting)
+    check_fabric(path, study, prefix, setting)
     check_engines(path, study, prefix, setting)
     check_fit(path, known.config.mesh_levels, prefix, setting)
     return setting
+
+
+def check_fabric(path: Path, study: Study, prefix: str, setting: Setting) -> None:
+    """Yarns at an angle are not their own mirror image, and CalculiX's own shells have none."""
+    material, axes, mesh = setting.device.material, study.axes, setting.mesh
+    sheets = [sheet for sheet in (material, material.pouch_sheet) if sheet is not None]
+    woven = [sheet.weave for sheet in sheets if sheet.weave is not None]
+    if axes.fabric_angle is not None and not woven:
+        expected = f"no fabric_angle, or a device with yarns: the fabric of {setting.device_name} is isotropic"
+        example = "material: {weave: {warp_modulus: 400, weft_modulus: 180, poisson_ratio: 0.3, shear_modulus: 60}}"
+        raise ConfigError(path, f"{prefix}axes.fabric_angle", axes.fabric_angle, expected, example)
+    if woven and find_element(mesh.element).is_shell:
+        raise ConfigError(
+            path, f"{prefix}mesh.element", mesh.element, "C3D20R, C3D20 or SHELL8R for a woven fabric", "element: SHELL8R"
+        )
+    angles = axes.fabric_angle if axes.fabric_angle is not None else [weave.angle for weave in woven]
+    slanted = [angle for angle in angles if angle not in (-90, 0, 90)]
+    if slanted and mesh.symmetry == "quarter":
+        expected = (
+            f"front_back or full: with its warp at {slanted[0]:g} degrees the right half is no mirror image of the left one"
+        )
+        raise ConfigError(path, f"{prefix}mesh.symmetry", mesh.symmetry, expected, "mesh: {symmetry: front_back}")
 
 
 def check_density(path: Path, material: Material, stated: Collection[str]) -> None:

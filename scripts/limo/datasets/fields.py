@@ -24,7 +24,7 @@ from limo.measure.frames import CaseFrames, open_case
 from limo.measure.strain import DEVICE_SIDES, Streamline, membrane_principal, streamlines
 from limo.measure.zones import distances
 from limo.mechanics.constitutive import principal
-from limo.mechanics.layer import SIDES, inside_out, layer_state, nodal, surface_points
+from limo.mechanics.layer import SIDES, inside_out, nodal, surface_state
 from limo.mechanics.model import Model
 from limo.mesh.elements import QUAD8_MIRROR
 from limo.mesh.layers import DeviceMesh
@@ -90,7 +90,7 @@ def frame_fields(
     pattern, and carried along by F on the deformed one.
     """
     mesh = model.mesh
-    state = layer_state(model, displacements, surface_points(), source)
+    state = surface_state(model, displacements, source)
     strain = inside_out(mesh, state.strain)
     _, node, quads = nodal(mesh, strain[:, 1, :, 0, 0])
     u = model.expansion.midsurface(displacements[: len(model.expansion.nodes)])[node]
@@ -212,7 +212,7 @@ def _write_all(model: Model, frames: CaseFrames, wanted: Wanted, fatigue: Fatigu
         write_vtu(mirrored(deformed, model.mesh.symmetry), add("deformed", pressure))
         if "strain" not in wanted.drawn:
             continue
-        strain = inside_out(model.mesh, layer_state(model, u, surface_points(), source).strain)
+        strain = inside_out(model.mesh, surface_state(model, u, source).strain)
         points = model.middle(u)
         for side in DEVICE_SIDES:
             lines = [s for face in np.unique(model.mesh.face) for s in streamlines(model.mesh, strain, points, side, int(face))]
@@ -228,6 +228,6 @@ def _amplitude(model: Model, frames: CaseFrames, wanted: Wanted) -> np.ndarray |
     strains = []
     for requested in wanted.pressures["fatigue"]:
         if (frame := frames.find(requested)) is not None:
-            state = layer_state(model, frames.displacement[frame].astype(float), surface_points(), frames.file)
+            state = surface_state(model, frames.displacement[frame].astype(float), frames.file)
             strains.append(membrane_principal(inside_out(model.mesh, state.strain)[:, 1]))
     return largest_amplitude(np.array(strains)) if strains else None

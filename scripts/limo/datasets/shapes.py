@@ -29,7 +29,7 @@ from limo.measure.ramp import read_ramp
 from limo.measure.strain import DEVICE_SIDES, streamlines
 from limo.measure.stress import von_mises_map
 from limo.measure.zones import distances
-from limo.mechanics.layer import inside_out, layer_state, nodal, surface_points
+from limo.mechanics.layer import inside_out, nodal, surface_state
 from limo.mechanics.model import Model
 from limo.mesh.layers import DeviceMesh
 from limo.schema.figures import items_of, shown_places
@@ -304,7 +304,7 @@ def _amplitude(file: Path, count: int) -> np.ndarray:
 def _lines(model: Model, u: np.ndarray, source: Path) -> dict[str, np.ndarray]:
     """Streamlines of v_1 on both sides of the part that was solved."""
     mesh = model.mesh
-    strain = inside_out(mesh, layer_state(model, u, surface_points(), source).strain)
+    strain = inside_out(mesh, surface_state(model, u, source).strain)
     points = model.middle(u)
     sides = []
     for side in DEVICE_SIDES:

@@ -76,6 +76,8 @@ COORDINATES = {
     "aspect_ratio": ("1", "aspect ratio of the valve support, AR"),
     "stiffness_ratio": ("1", "endocardial over fabric modulus, E_hat"),
     "width_scale": ("1", "scale of the device's widths"),
+    "fabric_angle": ("degree", "angle of the warp to the axis of the device"),
+    "bending_factor": ("1", "bending stiffness over that of a plate"),
     "variant": ("", "variant of everything else, as the study names it"),
     "branch": ("1", "0 for the flat state as it is, else the seed of a tiny perturbation of it"),
     "actuation_pressure": ("kPa", "actuation pressure, P_a"),
@@ -91,9 +93,12 @@ def describe_axes(dataset: xr.Dataset) -> xr.Dataset:
 
 
 def on_axes(dataset: xr.Dataset, study: Study) -> xr.Dataset:
-    """The same without the dimensions ``width_scale``, ``variant`` and ``branch`` where the study does not vary them."""
-    fixed = {"width_scale": study.axes.width_scale is None, "variant": not study.variants, "branch": dataset.sizes["branch"] == 1}
+    """The same without the dimensions ``variant``, ``branch`` and those of a device's own where the study does not vary them."""
+    own = ("width_scale", "fabric_angle", "bending_factor")
+    fixed = {name: getattr(study.axes, name) is None for name in own}
+    fixed |= {"variant": not study.variants, "branch": dataset.sizes["branch"] == 1}
     dataset = dataset.isel({dim: 0 for dim, one in fixed.items() if one})
+    dataset = dataset.drop_vars([name for name in own[1:] if fixed[name]])
     return dataset if study.variants else dataset.drop_vars("variant")
 
 
@@ -104,6 +109,8 @@ SYMBOLS = {
     "aspect_ratio": "AR",
     "stiffness_ratio": "E_hat",
     "width_scale": "width",
+    "fabric_angle": "angle",
+    "bending_factor": "bending",
     "variant": "variant",
     "branch": "branch",
     "actuation_pressure": "P_a",

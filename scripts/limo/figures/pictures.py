@@ -26,6 +26,8 @@ SYMBOLS = {
     "aspect_ratio": "AR = {:g}",
     "stiffness_ratio": r"$\hat E$ = {:g}",
     "width_scale": "width {:g}",
+    "fabric_angle": "warp at {:g} degrees",
+    "bending_factor": "bending {:g}",
     "variant": "{}",
     "branch": "branch {:g}",
 }

@@ -18,8 +18,10 @@ def curve_label(case: xr.Dataset, varying: list[str]) -> str:
         "aspect_ratio": "AR",
         "stiffness_ratio": r"$\hat E$",
         "width_scale": "width",
+        "fabric_angle": "warp",
+        "bending_factor": "bending",
     }
-    units = {"ventricular_pressure": " kPa"}
+    units = {"ventricular_pressure": " kPa", "fabric_angle": " degrees"}
     values = {d: case[d].item() for d in varying or ["n_pouches"]}
     label = ", ".join(v if d == "variant" else f"{symbols[d]} = {v:g}{units.get(d, '')}" for d, v in values.items())
     status = str(case.case_status.values)

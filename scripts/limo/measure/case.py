@@ -24,12 +24,21 @@ from limo.measure.fatigue import ENDURANCE, FLAGS, cycles_to_failure, largest_am
 from limo.measure.frames import CaseFrames, open_case
 from limo.measure.quantities import LABELS, MEASURES
 from limo.measure.ramp import read_ramp
-from limo.measure.strain import DEVICE_SIDES, area_of_side, directions, inplane_angle, membrane_principal, side_values
+from limo.measure.strain import (
+    DEVICE_SIDES,
+    angle_to_warp,
+    area_of_side,
+    directions,
+    fibre_aligned_share,
+    inplane_angle,
+    membrane_principal,
+    side_values,
+)
 from limo.measure.stress import area_quantile, summarise, top_average
 from limo.measure.zones import ZONES, distances, zone_of
 from limo.mechanics.constitutive import principal
 from limo.mechanics.equilibrium import residual
-from limo.mechanics.layer import SIDES, flat_areas, flat_points, inside_out, layer_state, surface_points
+from limo.mechanics.layer import SIDES, flat_areas, flat_points, inside_out, surface_state
 from limo.mechanics.model import Model
 from limo.mesh.layers import DeviceMesh
 from limo.schema.fatigue import Fatigue
@@ -133,7 +142,7 @@ def _measure_frame(
     mesh = model.mesh
     values["frame_pressure"][k] = frames.pressure[index]
     source = f"{frames.file}, frame at {frames.pressure[index]:g} kPa"
-    state = layer_state(model, frames.displacement[index].astype(float), surface_points(), source)
+    state = surface_state(model, frames.displacement[index].astype(float), source)
     is_drawn = pressure in wanted.pressures.get("fields", ())
     if pressure in wanted.pressures.get("stress", ()):
         stress = inside_out(mesh, state.von_mises)
@@ -144,6 +153,7 @@ def _measure_frame(
     strain = inside_out(mesh, state.strain)
     if pressure in wanted.pressures.get("strain", ()):
         _strain(values, k, mesh, strain, places.near_seam)
+        _yarns(values, k, model, strain, inside_out(mesh, state.second_piola)[:, 1])
         if is_drawn and "strain" in wanted.drawn:
             maps["principal_strain"][pressure], maps["strain_angle"][pressure] = principal(strain)[0], inplane_angle(strain)
     return membrane_principal(strain[:, 1]) if pressure in wanted.pressures.get("fatigue", ()) else None
@@ -178,6 +188,14 @@ def _strain(values: dict, k: int, mesh, strain: np.ndarray, near_seam: np.ndarra
     values["direction_around"][k] = [alignment.around[s] for s in DEVICE_SIDES]
     values["direction_angle"][k] = [alignment.angle[s] for s in DEVICE_SIDES]
     values["direction_between"][k], values["direction_between_at_seams"][k] = alignment.between, alignment.between_at_seams
+
+
+def _yarns(values: dict, k: int, model: Model, strain: np.ndarray, stress: np.ndarray) -> None:
+    if model.fabric.is_isotropic:
+        return
+    warp = model.of_sheets(lambda sheet: sheet.weave.angle if sheet.weave else np.nan)
+    values["direction_to_warp"][k] = [angle_to_warp(model.mesh, strain, warp, side) for side in DEVICE_SIDES]
+    values["fibre_aligned_share"][k] = fibre_aligned_share(model.mesh, stress, warp)
 
 
 def _fatigue(values: dict, mesh, amplitude: np.ndarray, near_seam: np.ndarray, fatigue: Fatigue) -> dict:

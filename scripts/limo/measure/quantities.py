@@ -51,6 +51,12 @@ MEASURES = {
     "direction_angle": Measure(("frame", "side"), "degree", "median angle of v_1 to the circumference, on pouches", "strain"),
     "direction_between": Measure(("frame",), "degree", "median angle between v_1 of the two surfaces, on pouches", "strain"),
     "direction_between_at_seams": Measure(("frame",), "degree", "the same, near seams only", "strain"),
+    "direction_to_warp": Measure(
+        ("frame", "side"), "degree", "median angle of v_1 to the warp of woven fabric, over a surface", "strain"
+    ),
+    "fibre_aligned_share": Measure(
+        ("frame",), "1", "share of the square of membrane stress of woven fabric that warp and weft bear, over the area", "strain"
+    ),
     "fatigue_amplitude_peak": Measure(
         (), "1", f"largest principal membrane strain of the inflation near seams, {_TOP}", "fatigue"
     ),

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from limo.mechanics.constitutive import warp_and_weft
 from limo.mechanics.layer import flat_areas, nodal
 from limo.mesh.elements import QUAD8_TRIANGLES
 from limo.mesh.layers import LAYERS, DeviceMesh
@@ -99,6 +100,34 @@ def directions(mesh: DeviceMesh, strain: np.ndarray, near_seam: np.ndarray) -> D
         between=_median(between, weight),
         between_at_seams=_median(between[seam], weight[seam]),
     )
+
+
+def angle_to_warp(mesh: DeviceMesh, strain: np.ndarray, warp: np.ndarray, side: str) -> float:
+    """Area median over a surface of the device of the angle between v_1 and the warp, in degrees; NaN without yarns.
+
+    Strains (m, 3, 4, 3, 3) on inner, middle and outer surfaces; ``warp`` (m,): angle of the warp to the axis of the device in
+    degrees, NaN on fabric without yarns.
+    """
+    elements = on_side(mesh, side)
+    elements = elements[np.isfinite(warp[elements])]
+    angle = inplane_angle(strain[elements, _SURFACE[side]])
+    return _median(angle_between(angle, 90.0 - warp[elements][:, None]), flat_areas(mesh)[elements])
+
+
+def fibre_aligned_share(mesh: DeviceMesh, stress: np.ndarray, warp: np.ndarray) -> float:
+    """int (N_1^2 + N_2^2) / int (N_1^2 + N_2^2 + 2 N_12^2) of membrane stress along warp 1 and weft 2; NaN without yarns.
+
+    Second Piola-Kirchhoff stress (m, 4, 3, 3) on the middle surface in the flat device's axes. One where yarns bear all, a half
+    where a load runs at 45 degrees to them. ``warp`` (m,) as of ``angle_to_warp``.
+    """
+    woven = np.isfinite(warp)
+    if not woven.any():
+        return float("nan")
+    axes = np.stack([warp_and_weft(angle)[:2] for angle in warp[woven]])[:, None]  # (w, 1, 2, 3)
+    along = axes @ stress[woven] @ np.swapaxes(axes, -1, -2)
+    area = flat_areas(mesh)[woven]
+    normal = (area * (along[..., 0, 0] ** 2 + along[..., 1, 1] ** 2)).sum()
+    return float(normal / (normal + 2 * (area * along[..., 0, 1] ** 2).sum()))
 
 
 def _median(values: np.ndarray, weights: np.ndarray) -> float:

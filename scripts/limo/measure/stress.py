@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from limo.measure.zones import ZONES
-from limo.mechanics.layer import SIDES, flat_areas, flat_points, inside_out, layer_state, surface_points
+from limo.mechanics.layer import SIDES, flat_areas, flat_points, inside_out, surface_state
 from limo.mechanics.model import Model
 
 TOP = 0.05  # share of the area whose average is the paper's peak stress
@@ -47,7 +47,7 @@ def top_share(values: np.ndarray, areas: np.ndarray, zone: np.ndarray, fraction:
 
 def von_mises_map(model: Model, displacements: np.ndarray, source: object = "frame") -> np.ndarray:
     """Von Mises stress (m, 3, 4) in MPa: element, inner/middle/outer surface, 2 x 2 Gauss point."""
-    return inside_out(model.mesh, layer_state(model, displacements, surface_points(), source).von_mises)
+    return inside_out(model.mesh, surface_state(model, displacements, source).von_mises)
 
 
 @dataclass(frozen=True)

@@ -89,7 +89,7 @@ def condensed(stiffness: np.ndarray) -> np.ndarray:
     plane = plane - stiffness[:, along][:, :, [2]] * stiffness[:, [2]][:, :, along] / third
     rows, columns = np.array([0, 0, 0, 1, 1, 2]), np.array([0, 1, 2, 1, 2, 2])
     across = stiffness[:, [5, 5, 4], [5, 4, 4]]
-    return np.column_stack([plane[:, rows, columns], across])
+    return np.ascontiguousarray(np.column_stack([plane[:, rows, columns], across]))
 
 
 def stress_of(strain: np.ndarray, stiffness: np.ndarray) -> np.ndarray:

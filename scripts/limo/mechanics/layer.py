@@ -28,10 +28,13 @@ SURFACES = ("bottom", "middle", "top")
 HEIGHTS = {"bottom": -1.0, "middle": 0.0, "top": 1.0}
 
 
-def surface_points() -> np.ndarray:
-    """Local points (12, 3): the 2 x 2 Gauss points on the bottom, then on the middle, then on the top surface."""
+def surface_points(height: float = 1.0) -> np.ndarray:
+    """Local points (12, 3): the 2 x 2 Gauss points on the bottom, then on the middle, then on the top surface.
+
+    ``height``: of the surfaces over the middle, in half thicknesses of the layer that is solved.
+    """
     flat, _ = gauss(2, 2)
-    return np.vstack([np.column_stack([flat, np.full(4, HEIGHTS[s])]) for s in SURFACES])
+    return np.vstack([np.column_stack([flat, np.full(4, height * HEIGHTS[s])]) for s in SURFACES])
 
 
 def moduli(model: Model) -> tuple[np.ndarray, np.ndarray]:
@@ -85,7 +88,8 @@ def layer_state(model: Model, displacements: np.ndarray, local: np.ndarray, sour
     """The layer under ``displacements`` (n, 3) in mm at local points (g, 3).
 
     ``n`` is at least the number of brick nodes; ``source`` is the file that errors name. Raises ``ResultError`` for
-    displacements that are missing or not numbers and for elements turned inside out (det F <= 0), naming the first.
+    displacements that are missing or not numbers and for elements turned inside out (det F <= 0), naming the first; with None
+    as ``source`` these are not looked for.
     """
     layer = model.expansion
     count = len(layer.nodes)
@@ -103,7 +107,7 @@ def layer_state(model: Model, displacements: np.ndarray, local: np.ndarray, sour
     if model.element.plane_stress:
         axes = shell.layer_axes(model, local)
         deformation = shell.thinned(model, deformation @ axes) @ np.swapaxes(axes, -1, -2)
-    determinant = np.linalg.det(deformation).min(axis=1)
+    determinant = np.linalg.det(deformation).min(axis=1) if source is not None else np.ones(1)
     if (determinant <= 0).any():
         element = int(np.argmin(determinant))
         raise ResultError(
@@ -111,6 +115,41 @@ def layer_state(model: Model, displacements: np.ndarray, local: np.ndarray, sour
             f"with det F = {determinant[element]:.3g}"
         )
     return LayerState(deformation, *moduli(model), model.stiffness)
+
+
+@dataclass(frozen=True)
+class BentState(LayerState):
+    """A layer that was solved in the place of a fabric of other bending stiffness: what the fabric's own surfaces bear.
+
+    Of a fabric whose bending stiffness is scaled by f, the layer that is solved is sqrt(f) times as thick, and its moduli are
+    1 / sqrt(f) times as large. ``deformation`` and strain are those of the fabric's own surfaces, at 1 / sqrt(f) half
+    thicknesses of the layer. The stress has the fabric's resultants, N / t and +-6 M / t^2: by its own moduli, of the strain at
+    sqrt(f) half thicknesses. ``loaded``: the layer there; ``root`` (m,): sqrt(f).
+    """
+
+    loaded: LayerState | None = None
+    root: np.ndarray | None = None
+
+    @cached_property
+    def von_mises(self) -> np.ndarray:
+        """Von Mises stress (m, g) in MPa of the fabric."""
+        return self.root[:, None] * self.loaded.von_mises
+
+
+def surface_state(model: Model, displacements: np.ndarray, source: object = "frame") -> LayerState:
+    """The fabric at ``surface_points`` of its own bottom, middle and top; raises as ``layer_state``."""
+    state = layer_state(model, displacements, surface_points(), source)
+    factors = model.of_sheets(lambda sheet: sheet.bending_factor)
+    scaled = np.unique(factors[factors != 1.0])
+    if not len(scaled):
+        return state
+    outside, inside = state.deformation.copy(), state.deformation.copy()
+    for factor in scaled:
+        own, root = factors == factor, float(factor) ** 0.5
+        for deformation, height in ((outside, 1 / root), (inside, root)):
+            deformation[own] = layer_state(model, displacements, surface_points(height), None).deformation[own]
+    law = *moduli(model), model.stiffness
+    return BentState(outside, *law, LayerState(inside, *law), np.sqrt(factors))
 
 
 def flat_areas(mesh: DeviceMesh) -> np.ndarray:

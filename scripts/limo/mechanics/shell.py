@@ -34,7 +34,7 @@ def stiffness(model: Model) -> np.ndarray:
     """Q_11, Q_12, Q_16, Q_22, Q_26, Q_66, s G_44, s G_45, s G_55 and s E (m, 10) in MPa of a model's elements."""
     modulus, law = model.youngs_modulus, model.stiffness
     along = plane_stress(modulus, model.poisson_ratio) if law is None else condensed(law)
-    law = np.column_stack([along, modulus])
+    law = np.ascontiguousarray(np.column_stack([along, modulus]))
     law[:, 6:] /= 1 + WEAKENING * _areas(model)[:, None] / model.thickness[:, None] ** 2
     return law
 

@@ -22,7 +22,7 @@ from limo.figures.cycles import cycles_of
 from limo.figures.pictures import rounded_up
 from limo.measure.frames import CaseFrames, open_case
 from limo.measure.strain import inplane_angle, membrane_principal
-from limo.mechanics.layer import SIDES, inside_out, layer_state, nodal, surface_points
+from limo.mechanics.layer import SIDES, inside_out, nodal, surface_state
 from limo.mechanics.model import Model
 from limo.mesh.layers import LAYERS, DeviceMesh
 from limo.mesh.surface import Surface, borders, divided, grid
@@ -254,7 +254,7 @@ def _values(model: Model, stop: _Stop, node: np.ndarray, wanted: dict[str, list[
     asked = [o for o in ("stress", "strain") if stop.requested is not None and _holds(wanted.get(o, ()), stop.requested)]
     if not asked:
         return values
-    state = layer_state(model, u, surface_points(), source)
+    state = surface_state(model, u, source)
     if "stress" in asked:
         values["von_mises"] = nodal(mesh, inside_out(mesh, state.von_mises).max(axis=1))[0]
     if "strain" in asked:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import pairwise
 from typing import Annotated, Any
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, field_validator, model_serializer, model_validator
 
 from limo.schema.section import Section
 
@@ -120,7 +121,7 @@ class Weave(Section):
         if abs(mean) >= 0.5:
             largest = 0.5 * (self.warp_modulus / self.weft_modulus) ** 0.5
             raise ValueError(
-                f"poisson_ratio x sqrt(weft_modulus / warp_modulus) within +-0.5, beyond which the stiffness is indefinite: it is "
+                "poisson_ratio x sqrt(weft_modulus / warp_modulus) within +-0.5, beyond which the stiffness is indefinite: it is "
                 f"{mean:.3g}, and poisson_ratio may be up to {largest:.3g}; for example poisson_ratio: {0.6 * largest:.2g}"
             )
         return self
@@ -137,14 +138,11 @@ class Sheet(Elastic):
         1.0, gt=0, le=4, description="bending stiffness over that of a plate of this thickness and these moduli", examples=[0.1]
     )
 
-    def content(self) -> dict[str, Any]:
-        """Plain data of what a result depends on, as it was before keys came that are left at what they stand for."""
-        data = self.model_dump(mode="json")
-        usual = {"weave": None, "bending_factor": 1.0, "pouch_sheet": None}
-        kept = {key: value for key, value in data.items() if key not in usual or value != usual[key]}
-        if (pouch := getattr(self, "pouch_sheet", None)) is not None:
-            kept["pouch_sheet"] = pouch.content()
-        return kept
+    @model_serializer(mode="wrap")
+    def _without_what_is_usual(self, plain: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
+        """Plain data are as they were before the keys came that are left at what they stand for."""
+        data, usual = plain(self), {"weave": None, "bending_factor": 1.0, "pouch_sheet": None}
+        return {key: value for key, value in data.items() if key not in usual or value != usual[key]}
 
 
 class Material(Sheet):

@@ -20,6 +20,7 @@ FIGURES = (
     "strain_paths",
     "buckling",
     "design",
+    "trends",
 )
 
 

@@ -37,6 +37,20 @@ class Axes(Section):
     width_scale: list[Annotated[float, Field(ge=0.5, le=1.5)]] | None = Field(
         None, min_length=1, description="instead of the device's own width_scale (for its calibration)", examples=[[0.8, 1.0]]
     )
+    fabric_angle: list[Annotated[float, Field(ge=-90, le=90)]] | None = Field(
+        None,
+        min_length=1,
+        description="angle of the warp in degrees, of all sheets, instead of their own",
+        examples=[[0, 45, 90]],
+    )
+    bending_factor: list[Annotated[float, Field(gt=0, le=4)]] | None = Field(
+        None, min_length=1, description="of all sheets, instead of their own", examples=[[0.05, 1.0]]
+    )
+
+    @model_serializer(mode="wrap")
+    def _without_what_is_not_varied(self, plain: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
+        """Plain data are as they were before the axes of the fabric came."""
+        return {k: v for k, v in plain(self).items() if v is not None or k not in ("fabric_angle", "bending_factor")}
 
     @field_validator("*")
     @classmethod
