@@ -395,6 +395,44 @@ def test_shells_with_directors_are_newtons_alone_and_without_the_mixed_stress(fo
     load_config(folder / CONFIG, strict=True)
 
 
+WEAVE = {"warp_modulus": 400, "weft_modulus": 100, "poisson_ratio": 0.3, "shear_modulus": 40}
+
+
+@pytest.mark.parametrize(
+    ("changes", "key", "expected"),
+    [
+        ({"material": {"weave": WEAVE | {"angle": 30}}}, "mesh.symmetry", "front_back or full"),
+        ({"material": {"weave": WEAVE | {"angle": 91}}}, "material.weave.angle", "or equal to 90"),
+        ({"material": {"weave": WEAVE | {"poisson_ratio": 1.1}}}, "material.weave", "may be up to 1"),
+        ({"material": {"weave": WEAVE | {"shear_modulus": 0}}}, "material.weave.shear_modulus", "greater than 0"),
+        ({"material": {"bending_factor": 4.1}}, "material.bending_factor", "or equal to 4"),
+        ({"material": {"bending_factor": 0}}, "material.bending_factor", "greater than 0"),
+        ({"axes": {"n_pouches": [8], "ventricular_pressure": [3.8], "fabric_angle": [0]}}, "axes.fabric_angle", "isotropic"),
+        (
+            {"material": {"weave": WEAVE}, "mesh": {"element": "S8R", "symmetry": "full"}, "outputs": ["volumes"]},
+            "mesh.element",
+            "SHELL8R for a woven fabric",
+        ),
+    ],
+    ids=["mirror", "angle", "indefinite", "shear", "stiff", "soft", "no yarns", "shells"],
+)
+def test_fabric_that_cannot_be_is_refused(folder, changes, key, expected):
+    for name, value in changes.items():
+        edit(folder / STUDY, (name,), value)
+    error = error_of(folder)
+    assert error.key == key
+    assert expected in str(error)
+    assert error.example
+    edit(folder / STUDY, ("material",), {"weave": WEAVE | {"angle": 30}, "bending_factor": 0.05})
+    edit(folder / STUDY, ("mesh",), {"symmetry": "front_back"})
+    edit(
+        folder / STUDY,
+        ("axes",),
+        {"n_pouches": [8], "ventricular_pressure": [3.8], "fabric_angle": [0, 45], "bending_factor": [1]},
+    )
+    load_config(folder / CONFIG, strict=True)
+
+
 @pytest.mark.parametrize(
     ("names", "expected"),
     [

@@ -1,0 +1,47 @@
+"""A figure of numbers over the axis that a study varies."""
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from limo.figures import style, trends
+
+
+def study_of(along: str, values: list[float]) -> xr.Dataset:
+    """Two branches of two devices; the second branch rests lower, and its stroke is 20 ml larger."""
+    pressure = np.linspace(0.0, 60.0, 7)
+    dims, shape = ("n_pouches", along, "branch"), (2, len(values), 2)
+    stroke = 100.0 + np.arange(2)[:, None, None] * 10 + np.asarray(values)[None, :, None] + 20 * np.arange(2)
+    curve = stroke[..., None] * pressure / 60
+    rest = np.broadcast_to(-np.arange(2.0), shape)[..., None] + 0 * pressure
+    return xr.Dataset(
+        {
+            "stroke_volume": ((*dims, "actuation_pressure"), curve),
+            "ventricle_volume": ((*dims, "actuation_pressure"), 300 - curve),
+            "io_ratio": ((*dims, "actuation_pressure"), 1 + 0 * curve),
+            "potential_energy": ((*dims, "actuation_pressure"), rest),
+            "efficiency_90ml": (dims, np.full(shape, 0.5)),
+            "case_status": (dims, np.full(shape, "converged")),
+            "case_reason": (dims, np.full(shape, "")),
+            "case_id": (dims, np.full(shape, "a")),
+            "actuation_pressure_reached": (dims, np.full(shape, 60.0)),
+        },
+        {"n_pouches": [6, 8], along: values, "branch": [0, 1], "actuation_pressure": pressure, "ventricular_pressure": 3.8},
+    )
+
+
+@pytest.mark.parametrize(("along", "scale"), [("fabric_angle", "linear"), ("bending_factor", "log")])
+def test_the_lowest_solutions_are_drawn_over_what_is_varied_with_bars_of_the_others(along, scale):
+    values = [0.1, 0.5, 1.0]
+    figure = trends.draw(study_of(along, values))
+    strokes = next(axis for axis in figure.axes if axis.get_ylabel().startswith("Stroke"))
+    first, second = strokes.get_lines()
+    np.testing.assert_allclose(first.get_xdata(), values)
+    np.testing.assert_allclose(first.get_ydata(), 120.0 + np.asarray(values))
+    np.testing.assert_allclose(second.get_ydata(), 130.0 + np.asarray(values))
+    bars = strokes.collections[0].get_segments()
+    np.testing.assert_allclose(bars[0][:, 1], [100.1, 120.1])
+    assert strokes.get_xscale() == scale
+    assert strokes.get_xlabel() == trends.ALONG[along]
+    assert [line.get_label() for line in (first, second)] == ["$N_p$ = 6", "$N_p$ = 8"]
+    style.close(figure)
