@@ -23,7 +23,7 @@ class Case:
     Pressures in kPa. ``frames`` are the pressures (kPa) whose displacements are kept; they do not belong to the identity.
     ``build`` names the build of the engine, so that results of two builds lie side by side. ``branch`` is 0 for the flat state
     as it is. Otherwise it is the seed of a perturbation far below what could be made. ``fit_levels`` are the coarser meshes that
-    ``numerics.newton.fit_on`` names.
+    ``numerics.newton.fit_on`` names. ``cycle``: P_v and P_a (kPa) of the points to which the load goes after its ramp, in order.
     """
 
     device: Device
@@ -42,6 +42,7 @@ class Case:
     build: str = ""
     branch: int = 0
     fit_levels: tuple[MeshLevel, ...] = ()
+    cycle: tuple[tuple[float, float], ...] = ()
 
     @cached_property
     def fit(self) -> Case | None:
@@ -58,6 +59,7 @@ class Case:
             fit_levels=tuple(before),
             actuation_pressure_max=0.0,
             frames=(0.0,),
+            cycle=(),
         )
 
     @property
@@ -77,19 +79,24 @@ class Case:
     def content(self) -> dict[str, Any]:
         """What the solution depends on."""
         fitted = {"fit_levels": [level.model_dump(mode="json") for level in self.fit_levels]} if self.fit_levels else {}
-        return fitted | {
-            "mesh": self.mesh_content(),
-            "element": self.mesh.element,
-            "material": self.device.material.model_dump(mode="json"),
-            "ventricular_pressure": self.ventricular_pressure,
-            "actuation_pressure_max": self.actuation_pressure_max,
-            "aspect_ratio": self.aspect_ratio,
-            "stiffness_ratio": self.stiffness_ratio,
-            "engine": self.engine,
-            "numerics": self.numerics.content(self.engine),
-            "build": self.build,
-            "branch": self.branch,
-        }
+        cycled = {"cycle": [list(point) for point in self.cycle]} if self.cycle else {}
+        return (
+            fitted
+            | cycled
+            | {
+                "mesh": self.mesh_content(),
+                "element": self.mesh.element,
+                "material": self.device.material.model_dump(mode="json"),
+                "ventricular_pressure": self.ventricular_pressure,
+                "actuation_pressure_max": self.actuation_pressure_max,
+                "aspect_ratio": self.aspect_ratio,
+                "stiffness_ratio": self.stiffness_ratio,
+                "engine": self.engine,
+                "numerics": self.numerics.content(self.engine),
+                "build": self.build,
+                "branch": self.branch,
+            }
+        )
 
     @cached_property
     def path(self) -> str:
@@ -117,7 +124,8 @@ class Case:
         models = {"device": Device, "mesh": Mesh, "mesh_level": MeshLevel, "numerics": Numerics}
         values = {k: models[k].model_validate(v) if k in models else v for k, v in data.items()}
         levels = tuple(map(MeshLevel.model_validate, values.get("fit_levels", ())))
-        return cls(**{**values, "frames": tuple(values["frames"]), "fit_levels": levels})
+        cycle = tuple((float(p_v), float(p_a)) for p_v, p_a in values.get("cycle", ()))
+        return cls(**{**values, "frames": tuple(values["frames"]), "fit_levels": levels, "cycle": cycle})
 
     @cached_property
     def mesh_id(self) -> str:

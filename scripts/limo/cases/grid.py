@@ -112,6 +112,7 @@ class StudyGrid:
                 build=self.project.builds.get(setting.engine, ""),
                 branch=point.branch,
                 fit_levels=fit_levels[point.variant],
+                cycle=study.cycle_for(point.ventricular_pressure),
             )
         return MappingProxyType(cases)
 

@@ -7,7 +7,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from limo.schema.numerics import MeshLevel, Numerics
-from limo.schema.section import STAGES
+from limo.schema.section import PLANNED
 from limo.schema.solver import FAILED_STAGE, Rung
 
 MESH = "mesh"  # what keys of a mesh level begin with; all others are of numerics
@@ -38,7 +38,7 @@ def multiplied(numerics: Numerics, level: MeshLevel, rung: Rung, failed_stage: s
 
 def check_ladder(rungs: list[Rung], numerics: Numerics, level: MeshLevel) -> None:
     """Climb all rungs from some settings, whichever stage fails. Raises ``ValueError`` for one that cannot be, naming it."""
-    for stage in STAGES:
+    for stage in PLANNED:
         climbed = numerics, level
         for rung in rungs:
             try:

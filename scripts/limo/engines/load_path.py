@@ -23,7 +23,9 @@ class LoadPath:
     ``displacements(k)`` gives (n, 3) in mm at all nodes of the model, good to ``precision``. ``is_static``: every increment is
     an equilibrium without motion. ``iterations`` by stage contain those of ``rejected`` attempts. CPU and wall time in s,
     ``memory`` in MiB (peak); ``in_process``: spent by this process, not by one of the engine's own. ``ended_in``: the stage in
-    which it ended. ``interrupted``: ended by something outside of the case, such as a kill or a lack of memory or disk.
+    which it ended. ``ventricular`` (k,): P_v in kPa, None where it is that of the model from the end of the fit on. ``leg``
+    (k,): 0 up to the ramp's end, then the number of the point of the cycle that the load goes to, from 1; None without a cycle.
+    ``interrupted``: ended by something outside of the case, such as a kill or a lack of memory or disk.
 
     A path may read its displacements from files that it holds open. ``close`` releases them, as the end of a ``with`` block
     does; the rest of the path stays.
@@ -47,6 +49,8 @@ class LoadPath:
     details: dict = field(default_factory=dict)
     ended_in: str = STAGES[-1]
     interrupted: bool = False
+    ventricular: np.ndarray | None = None
+    leg: np.ndarray | None = None
     close: Callable[[], None] = _nothing
 
     def __enter__(self) -> LoadPath:

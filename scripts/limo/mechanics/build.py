@@ -100,7 +100,9 @@ def described(case: Described) -> dict[str, Any]:
         "name": case.case_id,
         "element": element(case.mesh.element),
         "fabric": fabric,
-        "loading": Loading(case.ventricular_pressure, case.actuation_pressure_max, case.frames),
+        "loading": Loading(
+            case.ventricular_pressure, case.actuation_pressure_max, case.frames, tuple(getattr(case, "cycle", ()))
+        ),
         "numerics": case.numerics,
         "length": case.device.pattern.length,
     }

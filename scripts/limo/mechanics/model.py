@@ -172,11 +172,15 @@ def layer_thickness(mesh: LayerMesh, fabric: Fabric) -> float | np.ndarray:
 
 @dataclass(frozen=True)
 class Loading:
-    """Pressures in kPa: P_v, which the fit brings on, the P_a to which the ramp goes, and the P_a whose states are asked for."""
+    """Pressures in kPa: P_v, which the fit brings on, the P_a to which the ramp goes, and the P_a whose states are asked for.
+
+    ``cycle``: P_v and P_a of the points to which the load goes after the ramp, in order, along straight lines.
+    """
 
     ventricular_pressure: float
     actuation_pressure_max: float
     frames: tuple[float, ...]
+    cycle: tuple[tuple[float, float], ...] = ()
 
 
 @dataclass(frozen=True)

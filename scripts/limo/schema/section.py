@@ -15,8 +15,10 @@ Engine = Literal["calculix", "newton"]
 ENGINES = get_args(Engine)
 
 
-#: the stages of a case in their order
-STAGES = ("fit", "hold", "ramp")
+#: the stages of a case in their order; a cycle is what follows the first ramp, where a study asks for it
+STAGES = ("fit", "hold", "ramp", "cycle")
+#: those that have numerics of their own; a cycle has those of the ramp
+PLANNED = STAGES[:3]
 
 
 Symmetry = Literal["full", "front_back", "quarter"]

@@ -71,10 +71,11 @@ class _OfAPattern(Section):
     )
 
     @model_serializer(mode="wrap")
-    def _without_empty_pattern(self, plain: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
+    def _without_what_is_usual(self, plain: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
         data = plain(self)
-        if not self.pattern:
-            data.pop("pattern", None)
+        for key in ("pattern", "actuation"):
+            if not data.get(key, True):
+                del data[key]
         return data
 
 
@@ -108,6 +109,16 @@ Role = Literal["accuracy", "reference", "referee", "scatter", "shells"]
 
 #: what a study may be for when errors are measured (``accuracy.roles``)
 ROLES = get_args(Role)
+
+
+class LoadPoint(Section):
+    """A point on the way of a load at which both pressures are given."""
+
+    actuation_pressure: Pressure | Literal["max"] = Field(description="P_a in kPa, or max", examples=[0])
+    ventricular_pressure: Pressure = Field(description="P_v in kPa", examples=[13.8])
+
+
+Waypoint = Pressure | Literal["max"] | LoadPoint
 
 
 class Study(_OfAPattern):
@@ -145,6 +156,13 @@ class Study(_OfAPattern):
     )
     actuation_pressure_max: Annotated[float, Field(gt=0, le=1000)] | dict[float, Annotated[float, Field(gt=0, le=1000)]] = Field(
         description="P_a,max in kPa, one number or one for each P_v", examples=[{3.8: 60, 13.8: 100, 23.8: 140}]
+    )
+    actuation: list[Waypoint] | None = Field(
+        None,
+        min_length=3,
+        max_length=41,
+        description="way of the load beyond the ramp, from 0 to max and on: P_a in kPa, max, or both pressures in kPa of a point",
+        examples=[[0, "max", 0, "max", 0]],
     )
     mesh: Mesh | None = Field(None, description="instead of the configuration's mesh")
     numerics: Annotated[str, Field(pattern=NAME)] | dict[str, Any] | None = Field(
@@ -221,6 +239,21 @@ class Study(_OfAPattern):
         if isinstance(self.actuation_pressure_max, dict):
             return self.actuation_pressure_max[ventricular_pressure]
         return self.actuation_pressure_max
+
+    @model_validator(mode="after")
+    def _begins_with_the_ramp(self) -> Study:
+        if self.actuation is not None and self.actuation[:2] != [0, "max"]:
+            raise ValueError('actuation that begins with 0 and max, the ramp; such as actuation: [0, "max", 0]')
+        return self
+
+    def cycle_for(self, ventricular_pressure: float) -> tuple[tuple[float, float], ...]:
+        """P_v and P_a (kPa) of the points after the ramp of cases at a P_v (kPa), in order; none without a cycle."""
+        points, before = [], ventricular_pressure
+        for point in (self.actuation or [])[2:]:
+            actuation = point.actuation_pressure if isinstance(point, LoadPoint) else point
+            before = point.ventricular_pressure if isinstance(point, LoadPoint) else before
+            points.append((before, self.maximum_for(ventricular_pressure) if actuation == "max" else float(actuation)))
+        return tuple(points)
 
     def frames_for(self, ventricular_pressure: float) -> list[float]:
         """Pressures of the kept frames (kPa), in order, those beyond P_a,max left out for ``P_v`` expressions."""

@@ -159,7 +159,7 @@ def _attempt(
     checks = measure(model, history, ramp_of(history), frames, balance, rested["rested"])
     status, reason = verdict(status, reason, checks, settings.limits)
     summary = {
-        "actuation_pressure_reached": float(history.actuation_pressure[-1]) if history.sizes["increment"] else 0.0,
+        "actuation_pressure_reached": _reached(history),
         "increments": len(path.stage),
         "degrees_of_freedom": 3 * len(model.expansion.nodes),
         **rested,
@@ -167,6 +167,12 @@ def _attempt(
         "checks": {k: v for k, v in asdict(checks).items() if k not in ("rested", "dissipated_fraction")},
     }
     return Attempt(rung, case, mesh, status, reason, path, history, frames, summary)
+
+
+def _reached(history: xr.Dataset) -> float:
+    """P_a in kPa to which the ramp came; what follows it goes down again."""
+    before = history.stage.values != STAGES.index("cycle")
+    return float(history.actuation_pressure.values[before][-1]) if before.any() else 0.0
 
 
 def _is_elsewhere(case: Case, best: Attempt) -> bool:

@@ -56,6 +56,10 @@ def harvest(model: Model, path: LoadPath) -> tuple[xr.Dataset, xr.Dataset, str]:
     """
     increments = _increments(model, path)
     history = _history(path, increments.volumes, increments.states)
+    if path.leg is not None:
+        count = history.sizes["increment"]
+        history["ventricular_pressure"] = _of_increments(path.ventricular[:count], "kPa", "ventricular pressure, P_v")
+        history["leg"] = _of_increments(path.leg[:count], "1", "point of the cycle that the load goes to, 0 up to the ramp's end")
     if increments.states:
         history["potential_energy"] = _potential_energy(history, model.loading.ventricular_pressure)
     frames = _Frames() if increments.is_damaged else _frames(model, path, history)
@@ -184,10 +188,11 @@ def _nearest_increments(frames: Sequence[float], history: xr.Dataset) -> list[tu
     pressure, stage = history.actuation_pressure.values, history.stage.values
     at_rest = np.flatnonzero(stage == STAGES.index("hold"))
     first = at_rest[-1] if len(at_rest) else len(stage)
-    candidates = np.arange(first, len(stage))
+    candidates = np.arange(first, len(stage))[stage[first:] != STAGES.index("cycle")]
+    highest = pressure[candidates].max(initial=0.0)
     chosen = []
     for wanted in frames:
-        if len(candidates) and wanted <= pressure[-1] + 1e-6:
+        if len(candidates) and wanted <= highest + 1e-6:
             k = int(candidates[np.argmin(np.abs(pressure[candidates] - wanted))])
             chosen.append((wanted, k, float(pressure[k])))
     return chosen
@@ -230,12 +235,14 @@ def _history(path: LoadPath, volumes: list[tuple[float, ...]], states: Sequence[
     )
 
 
+def _of_increments(values: np.ndarray, units: str, long_name: str) -> xr.DataArray:
+    return xr.DataArray(values, dims="increment", attrs={"units": units, "long_name": long_name})
+
+
 def _potential_energy(history: xr.Dataset, ventricular_pressure: float) -> xr.DataArray:
     """Pi = U - P_v V_v - P_a V_a (kPa ml = mJ), of full pressure P_v: NaN in the fit, which brings it on."""
-    of_pressures = (
-        ventricular_pressure * history.ventricle_volume_conjugate
-        + history.actuation_pressure * history.actuation_volume_conjugate
-    )
+    pressure = history.get("ventricular_pressure", ventricular_pressure)
+    of_pressures = pressure * history.ventricle_volume_conjugate + history.actuation_pressure * history.actuation_volume_conjugate
     energy = (history.strain_energy - of_pressures).where(history.stage != STAGES.index("fit"))
     return energy.assign_attrs(units="mJ", long_name="potential energy of the full device, Pi = U - P_v V_v - P_a V_a")
 

@@ -12,6 +12,7 @@ from dataclasses import replace
 from limo.cases.case import Case
 from limo.config.rungs import multiplied
 from limo.schema.element import element
+from limo.schema.section import PLANNED
 from limo.schema.solver import Rung
 
 CONFIGURED = "as configured"  # the name of the first attempt
@@ -22,6 +23,7 @@ def climb(case: Case, rung: Rung, failed_stage: str) -> Case:
 
     The case itself where it is so already, and where shells, which are solved as a full device, are asked for a part.
     """
-    numerics, level = multiplied(case.numerics, case.mesh_level, rung, failed_stage)
+    stage = failed_stage if failed_stage in PLANNED else PLANNED[-1]
+    numerics, level = multiplied(case.numerics, case.mesh_level, rung, stage)
     symmetry = case.mesh.symmetry if rung.symmetry is None or element(case.mesh.element).is_shell else rung.symmetry
     return replace(case, numerics=numerics, mesh_level=level, mesh=case.mesh.model_copy(update={"symmetry": symmetry}))

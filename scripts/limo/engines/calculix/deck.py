@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 
 from limo.mechanics.constitutive import engineering_constants, warp_and_weft
-from limo.mechanics.model import KPA, Fabric, Model, Pressure
+from limo.mechanics.model import KPA, Fabric, Loading, Model, Pressure
 from limo.schema.numerics import Controls, Numerics, Stage
-from limo.schema.section import STAGES
+from limo.schema.section import PLANNED, STAGES
 
 #: more than any run takes
 MOST_INCREMENTS = 1_000_000
@@ -37,16 +37,17 @@ class StageTime:
         return self.start + self.duration
 
 
-def stage_times(numerics: Numerics, actuation_pressure_max: float) -> tuple[StageTime, ...]:
-    """The stages on the solver's clock. Pressure in kPa.
+def stage_times(numerics: Numerics, actuation_pressure_max: float, ways: tuple[float, ...] = ()) -> tuple[StageTime, ...]:
+    """The stages on the solver's clock. Pressure in kPa; ``ways``: how far the pressures go to each point of a cycle.
 
-    The solver's damping is the largest of the stages'; a stage damped alpha runs for duration * alpha_max / alpha.
+    The solver's damping is the largest of the stages'; a stage damped alpha runs for duration * alpha_max / alpha. A cycle has
+    the rate and the damping of the ramp.
     """
     largest = numerics.solver_damping
     times, start = [], 0.0
-    for name in STAGES:
-        stage = getattr(numerics, name)
-        duration = stage.duration if stage.duration is not None else actuation_pressure_max / stage.rate
+    for name, way in (*((name, actuation_pressure_max) for name in PLANNED), *((STAGES[-1], way) for way in ways)):
+        stage = getattr(numerics, name if name in PLANNED else PLANNED[-1])
+        duration = stage.duration if stage.duration is not None else way / stage.rate
         scale = largest / stage.damping if stage.damping else 1.0
         times.append(StageTime(name, start, duration * scale, scale, stage))
         start += duration * scale
@@ -55,8 +56,23 @@ def stage_times(numerics: Numerics, actuation_pressure_max: float) -> tuple[Stag
 
 def actuation_pressure_at(times: tuple[StageTime, ...], maximum: float, solver_time: np.ndarray) -> np.ndarray:
     """P_a (kPa) at solver times (n,): zero until the ramp starts, then linear to ``maximum`` (kPa)."""
-    ramp = times[-1]
+    ramp = times[len(PLANNED) - 1]
     return maximum * np.clip((np.asarray(solver_time) - ramp.start) / ramp.duration, 0.0, 1.0)
+
+
+def ways_of(loading: Loading) -> tuple[float, ...]:
+    """How far (kPa) the pressure that changes more goes from the end of the ramp to each point of the cycle."""
+    points = np.array([(loading.ventricular_pressure, loading.actuation_pressure_max), *loading.cycle])
+    return tuple(float(way) for way in np.abs(np.diff(points, axis=0)).max(axis=1))
+
+
+def history_of(loading: Loading, times: tuple[StageTime, ...]) -> np.ndarray:
+    """Solver time (s), share of the fit, P_v and P_a (kPa) of the points (k, 4) between which loads go along straight lines."""
+    fit, _, ramp, *legs = times
+    p_v, p_a = loading.ventricular_pressure, loading.actuation_pressure_max
+    points = [(0.0, 0.0, 0.0, 0.0), (fit.end, 1.0, p_v, 0.0), (ramp.start, 1.0, p_v, 0.0), (ramp.end, 1.0, p_v, p_a)]
+    points += [(leg.end, 1.0, *point) for leg, point in zip(legs, loading.cycle, strict=True)]
+    return np.array(points)
 
 
 def _rows(values: np.ndarray, per_line: int = 12) -> list[str]:
@@ -143,13 +159,13 @@ def constraints(model: Model) -> list[str]:
 
 def _amplitudes(model: Model, times: tuple[StageTime, ...]) -> list[str]:
     """Fitting ramp, and the pressure of each loaded surface in MPa, all over the one step."""
-    fit, _, ramp = times
-    ventricular, maximum = (p * KPA for p in (model.loading.ventricular_pressure, model.loading.actuation_pressure_max))
-    lines = ["*AMPLITUDE, NAME=FITTING", f"0, 0, {number(fit.end)}, 1, {number(ramp.end)}, 1"]
+    fit, end, history = times[0], times[-1].end, history_of(model.loading, times)
+    lines = ["*AMPLITUDE, NAME=FITTING", f"0, 0, {number(fit.end)}, 1, {number(end)}, 1"]
     for load in model.pressures:
-        start, end = load.ventricular * ventricular, load.ventricular * ventricular + load.actuation * maximum
-        table = (0.0, 0.0, fit.end, start, ramp.start, start, ramp.end, end)
-        lines += [f"*AMPLITUDE, NAME=P_{load.surface.upper()}", ", ".join(map(number, table))]
+        values = load.ventricular * (history[:, 2] * KPA) + load.actuation * (history[:, 3] * KPA)
+        table = np.column_stack([history[:, 0], values]).ravel()
+        lines.append(f"*AMPLITUDE, NAME=P_{load.surface.upper()}")
+        lines += [", ".join(map(number, map(float, table[k : k + 8]))) for k in range(0, len(table), 8)]
     return lines
 
 
@@ -199,11 +215,12 @@ def _stages(model: Model, numerics: Numerics, times: tuple[StageTime, ...], incr
     CalculiX starts each step with an acceleration from forces without damping, integrated fully even for C3D20R. The equilibrium
     of that element knows the reduced rule only. In a thin layer the difference is enormous.
     """
-    fit, _, ramp = times
+    fit, _, ramp = times[: len(PLANNED)]
     largest = numerics.largest_increment / model.loading.actuation_pressure_max * ramp.duration
     # CalculiX calls a first increment below a millionth of the step an error
-    first = max(numerics.first_increment * fit.duration, 2e-6 * ramp.end)
-    limits = (first, ramp.end, min(first, numerics.smallest_increment * fit.duration), largest)
+    end = times[-1].end
+    first = max(numerics.first_increment * fit.duration, 2e-6 * end)
+    limits = (first, end, min(first, numerics.smallest_increment * fit.duration), largest)
     loads = ["*BOUNDARY, AMPLITUDE=FITTING"]
     loads += [f"{n + 1}, {d + 1}, {d + 1}, {number(u)}" for (n, d), u in model.prescribed.items()]
     for load in model.pressures:
@@ -215,7 +232,7 @@ def _stages(model: Model, numerics: Numerics, times: tuple[StageTime, ...], incr
 def write_deck(model: Model, path: Path, increments: int = MOST_INCREMENTS) -> tuple[StageTime, ...]:
     """Write the CalculiX input of a model, to be ended after so many increments; returns the stages on the solver's clock."""
     numerics = model.numerics
-    times = stage_times(numerics, model.loading.actuation_pressure_max)
+    times = stage_times(numerics, model.loading.actuation_pressure_max, ways_of(model.loading))
     lines = [f"** {model.name}", "** mm, N, MPa, tonne, s"]
     lines += (
         geometry(model)

@@ -23,13 +23,13 @@ from pathlib import Path
 import numpy as np
 
 from limo.engines.calculix.build import solver_build
-from limo.engines.calculix.deck import StageTime, actuation_pressure_at, write_deck
+from limo.engines.calculix.deck import StageTime, actuation_pressure_at, history_of, write_deck
 from limo.engines.calculix.frd import Frame, FrdFile
 from limo.engines.calculix.sta import Increment, read_sta
 from limo.engines.load_path import LoadPath, count_stages
 from limo.errors import ResultError
-from limo.mechanics.model import Model
-from limo.schema.section import STAGES
+from limo.mechanics.model import Loading, Model
+from limo.schema.section import PLANNED, STAGES
 from limo.schema.solver import Solver
 
 JOB = "deck"
@@ -80,16 +80,31 @@ def solve(model: Model, folder: Path, solver: Solver, command: Path) -> LoadPath
     with contextlib.ExitStack() as stack:
         left = stack.enter_context(results(folder, run(folder, command, solver, times[-1].end)))
         clock = np.array([f.time for f in left[2]], float)
+        ends, loading = [t.end * (1 + 1e-9) for t in times[:-1]], model.loading
+        place = np.searchsorted(ends, clock)
+        history = history_of(loading, times)
+        cycled = {
+            "ventricular": np.interp(clock, history[:, 0], history[:, 2]),
+            "leg": np.maximum(place - len(PLANNED) + 1, 0),
+        }
         return load_path(
             *left,
             model,
             command,
-            stage=np.searchsorted([t.end * (1 + 1e-9) for t in times[:-1]], clock),
-            pressure=actuation_pressure_at(times, model.loading.actuation_pressure_max, clock),
+            stage=np.minimum(place, len(STAGES) - 1),
+            pressure=_actuation(loading, times, clock, history),
+            **(cycled if loading.cycle else {}),
             ended_in=_stage_at_the_end(left[0], times),
             iterations=_iterations_by_stage(left[0], times),
             close=stack.pop_all().close,
         )
+
+
+def _actuation(loading: Loading, times: tuple[StageTime, ...], clock: np.ndarray, history: np.ndarray) -> np.ndarray:
+    """P_a (k,) in kPa at times of the solver."""
+    if loading.cycle:
+        return np.interp(clock, history[:, 0], history[:, 3])
+    return actuation_pressure_at(times, loading.actuation_pressure_max, clock)
 
 
 def load_path(outcome: Run, frd: FrdFile | None, usable: list[Frame], model: Model, command: Path, **others) -> LoadPath:

@@ -75,7 +75,7 @@ UNGUARDED = 3
 #: shares of a step that are tried before the shift is raised
 CUTS = (1.0, 0.5, 0.25, 0.125)
 TINY = np.finfo(float).tiny
-FIT, HOLD, RAMP = range(3)
+FIT, HOLD, RAMP, CYCLE = range(4)
 _CLOSE = 1e-6  # kPa, pressures closer than this are the same
 
 
@@ -143,6 +143,8 @@ def solve(model: Model, solver: Solver, start: np.ndarray | None = None, after: 
         wall_seconds=time.monotonic() - began,
         memory=resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
         ended_in=run.stage,
+        ventricular=np.array(run.ventriculars, float) if model.loading.cycle else None,
+        leg=np.array(run.legs, int) if model.loading.cycle else None,
         interrupted=interrupted,
         details=details,
     )
@@ -163,6 +165,9 @@ class _Run:
         self.state = _State(np.zeros(self.assembly.size), shift=settings.first_shift)
         self.stages: list[int] = []
         self.pressures: list[float] = []
+        self.ventriculars: list[float] = []
+        self.legs: list[int] = []
+        self.leg = 0
         self.kept: list[np.ndarray] = []
         self.residuals: list[float] = []
         self.stage = STAGES[FIT]
@@ -198,7 +203,9 @@ class _Run:
         else:
             if start is None or not self.begun_at(start):
                 self.fit()
-        self.ramp()
+        if CYCLE not in self.stages:
+            self.ramp()
+        self.cycle()
 
     def begun_at(self, start: np.ndarray) -> bool:
         """Come to rest from a state of the fitted device; False where that fails, all but the costs as before."""
@@ -267,12 +274,19 @@ class _Run:
 
     def _taken_back(self) -> tuple[list, ...]:
         """What was accepted so far, which is then forgotten."""
-        taken = self.stages, self.pressures, self.kept, self.residuals
-        self.stages, self.pressures, self.kept, self.residuals = [], [], [], []
+        taken = tuple(list(each) for each in self._histories)
+        for each in self._histories:
+            each.clear()
         return taken
 
     def _put_back(self, history: tuple[list, ...]) -> None:
-        self.stages, self.pressures, self.kept, self.residuals = history
+        for each, before in zip(self._histories, history, strict=True):
+            each[:] = before
+
+    @property
+    def _histories(self) -> tuple[list, ...]:
+        """What is kept of every accepted state."""
+        return self.stages, self.pressures, self.ventriculars, self.legs, self.kept, self.residuals
 
     def start_from(self, displacements: np.ndarray) -> None:
         self.state.prescribed = 1.0
@@ -284,6 +298,8 @@ class _Run:
         """Begin where a path ended, with all that it accepted."""
         self.stages, self.pressures = path.stage.tolist(), path.pressure.tolist()
         self.kept = [path.displacements(k) for k in range(len(self.stages))]
+        if path.leg is not None:
+            self.ventriculars, self.legs = path.ventricular.tolist(), path.leg.tolist()
         self.start_from(self.kept[-1])
 
     def displacements(self, free: np.ndarray | None = None, prescribed: float | None = None) -> np.ndarray:
@@ -331,7 +347,7 @@ class _Run:
                 f"no equilibrium at P_a = {actuation:g} kPa of the {name} in {settings.iterations} iterations: residual "
                 f"{size / load:.2g} of the load, correction {correction:.2g} mm",
             )
-        self._accept(stage, actuation, float(size / load))
+        self._accept(stage, ventricular, actuation, float(size / load))
 
     def _iterate(self, residual: np.ndarray, share: float, ventricular: float, actuation: float) -> float:
         """One step of the state for a residual (size,), to a share of the prescribed displacements; its size (mm) before cuts."""
@@ -355,11 +371,13 @@ class _Run:
         )
         return largest
 
-    def _accept(self, stage: int, actuation: float, residual: float) -> None:
+    def _accept(self, stage: int, ventricular: float, actuation: float, residual: float) -> None:
         """Keep the state, which is at rest up to a residual over the load."""
         self._floor = SMALLEST_VOLUME
         self.stages.append(stage)
         self.pressures.append(actuation)
+        self.ventriculars.append(ventricular)
+        self.legs.append(self.leg)
         self.kept.append(self.displacements())
         self.residuals.append(residual)
         iterations = sum(self.state.iterations.values())
@@ -382,6 +400,32 @@ class _Run:
             easy = sum(state.iterations.values()) - done <= EASY
             self.visit([f for f in loading.frames if before + _CLOSE < f < pressure - _CLOSE], before, left, easy)
 
+    def cycle(self) -> None:
+        """Go to the points of the cycle in turn, along straight lines, in steps of ``load_step`` at most of either pressure.
+
+        As on the ramp, several steps are one where that is easy, up to ``EASY_SHARE`` of what was gone of the line.
+        """
+        settings, state = self.settings, self.state
+        for number, point in enumerate(self.model.loading.cycle, start=1):
+            if self.legs and self.legs[-1] > number:
+                continue
+            self.leg = number
+            begins = self.model.loading.cycle[number - 2] if number > 1 else self._end_of_the_ramp()
+            way = np.subtract(point, begins)
+            count = max(1, int(np.ceil(np.abs(way).max() / settings.load_step - _CLOSE)))
+            gone = np.subtract((self.ventriculars[-1], self.pressures[-1]), begins)
+            done = round(count * float(gone @ way) / max(float(way @ way), TINY)) if self.legs[-1] == number else 0
+            easy = False
+            while done < count:
+                done = min(count, done + (max(1, min(settings.easy_steps, int(EASY_SHARE * done))) if easy else 1))
+                before = sum(state.iterations.values())
+                self.advance(CYCLE, 1.0, *(float(x) for x in begins + way * (done / count)))
+                easy = sum(state.iterations.values()) - before <= EASY
+
+    def _end_of_the_ramp(self) -> tuple[float, float]:
+        """P_v and P_a in kPa."""
+        return self.model.loading.ventricular_pressure, self.model.loading.actuation_pressure_max
+
     def visit(self, frames: list[float], before: float, left: np.ndarray, easy: bool) -> None:
         """Find the equilibria at frames (kPa) within the last step, which left free displacements ``left`` at P_a ``before``.
 
@@ -393,7 +437,7 @@ class _Run:
             share = easy * (frame - before) / (pressure - before)
             state.free = self.assembly.retracted(left + share * (arrived.free - left))
             self.advance(RAMP, 1.0, self.model.loading.ventricular_pressure, frame)
-            for history in (self.stages, self.pressures, self.kept, self.residuals):
+            for history in self._histories:
                 history.insert(end + place, history.pop())
         state.free, state.shift, state.last_shift = arrived.free, arrived.shift, arrived.last_shift
 
