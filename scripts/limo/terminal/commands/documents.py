@@ -52,6 +52,7 @@ def add_performance(commands: arguments.Commands) -> None:
     compared = doing.add_parser("beside", help="compare imports, planning and help with another checkout; both are set up")
     compared.add_argument("other", type=Path, metavar="CHECKOUT", help="folder of the other checkout")
     compared.add_argument("--tests", action="store_true", help="time `make test` in both instead, once")
+    compared.add_argument("--solve", action="store_true", help="time what a solve by engine newton imports instead, part by part")
     swept = doing.add_parser(
         "cluster", help="measure what a sweep on a cluster takes beside its solves; its node is this machine"
     )
@@ -77,7 +78,7 @@ def add_performance(commands: arguments.Commands) -> None:
 
 def _performance(chosen: argparse.Namespace) -> None:
     from limo.reports import cluster
-    from limo.reports.entry import compare, compare_tests, entry_table, keep, read_entry
+    from limo.reports.entry import compare, compare_solve_imports, compare_tests, entry_table, keep, read_entry
     from limo.reports.overhead import read_overhead, record_overhead
     from limo.reports.peer import read_peer
     from limo.reports.performance import read_measurements, record_batch, report
@@ -87,7 +88,8 @@ def _performance(chosen: argparse.Namespace) -> None:
     elif chosen.doing == "overhead":
         print(record_overhead(Path(chosen.config), chosen.overhead))
     elif chosen.doing == "beside":
-        rows = (compare_tests if chosen.tests else compare)(Path.cwd(), chosen.other.resolve())
+        measure = compare_tests if chosen.tests else compare_solve_imports if chosen.solve else compare
+        rows = measure(Path.cwd(), chosen.other.resolve())
         keep(rows, chosen.entry)
         print(entry_table(rows))
     elif chosen.doing == "cluster":
