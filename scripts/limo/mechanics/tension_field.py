@@ -10,6 +10,8 @@ a sheet with wrinkles as fine as it likes keeps (Pipkin 1986, *IMA J. Appl. Math
     W_r = E E_1^2/2  wrinkled,  E_2 < -nu E_1 and E_1 > 0
     W_r = 0          slack,     E_1 <= 0
 
+Yarns count as isotropic fabric of the same mean modulus: what is compared is of the order of one.
+
 A mesh that follows its wrinkles has strains of both signs from crest to crest, which cancel over a few elements. One that rests
 flat against its own compression, locked, has not. So strains are averaged over neighbouring elements before they are compared.
 
@@ -68,7 +70,7 @@ def averaged(model: Model, values: np.ndarray, area: np.ndarray, times: int = AV
     return flat.reshape(values.shape)
 
 
-def energies(strain: np.ndarray, modulus: np.ndarray, poisson_ratio: float) -> tuple[np.ndarray, np.ndarray]:
+def energies(strain: np.ndarray, modulus: np.ndarray, poisson_ratio: np.ndarray | float) -> tuple[np.ndarray, np.ndarray]:
     """W and W_r (m,) in MPa of strains (m, 2, 2) and E (m,) in MPa."""
     mean, half = 0.5 * (strain[:, 0, 0] + strain[:, 1, 1]), 0.5 * (strain[:, 0, 0] - strain[:, 1, 1])
     radius = np.hypot(half, strain[:, 0, 1])
@@ -84,7 +86,7 @@ def compression_share(model: Model, points: np.ndarray) -> float:
     0: all that is stored a tension field stores, too. 1: all of it is compression that wrinkles would take away.
     """
     strain, area = membrane_strain(model, points)
-    whole, relaxed = energies(averaged(model, strain, area), model.youngs_modulus, model.fabric.poisson_ratio)
+    whole, relaxed = energies(averaged(model, strain, area), model.youngs_modulus, model.poisson_ratio)
     stored = float(whole @ area)
     return float((whole - relaxed) @ area) / stored if stored > 0 else 0.0
 
@@ -96,7 +98,8 @@ def elements_a_wrinkle(model: Model) -> float:
     """
     areas, fabric = flat_areas(model.mesh).sum(axis=1), model.fabric
     side = np.sqrt(areas[model.mesh.layer <= 1].sum() * model.mesh.copies / 2)
-    bending = fabric.youngs_modulus * fabric.thickness**3 / (12 * (1 - fabric.poisson_ratio**2))
+    modulus, thickness = model.youngs_modulus.min(), fabric.layer
+    bending = modulus * thickness**3 / (12 * (1 - fabric.poisson_ratio**2))
     tension = KPA * model.loading.ventricular_pressure * side / 4
     width = 2 * np.sqrt(np.pi * side / 2) * (bending / tension) ** 0.25
     return float(width / np.sqrt(areas.mean()))

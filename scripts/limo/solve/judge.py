@@ -151,15 +151,21 @@ def layers_passed(model: Model, ends: list[np.ndarray]) -> dict:
     """On which share of their area layers have passed each other."""
     mesh, thickness, passed = model.mesh, model.fabric.thickness, {}
     for pair in PAIRS:
-        contact = contact_of(mesh, **dict.fromkeys(PAIRS, False) | {pair: True}, penalty=1.0, reach=thickness)
+        contact = contact_of(mesh, **dict.fromkeys(PAIRS, False) | {pair: True}, penalty=1.0, reach=thickness, span=thickness)
         if contact is None:
             continue
         touching = Touching(contact, mesh.nodes)
         areas = np.vstack([touching.plane_area, touching.pair_area * touching.weights])
-        shares = [areas[np.vstack(touching.gaps(points)) < -thickness].sum() / areas.sum() for points in ends]
+        shares = [areas[_passed(touching, points, thickness)].sum() / areas.sum() for points in ends]
         passed[f"{pair}_passed"] = float(max(shares))
     wanted = model.numerics.contact
     return passed | {"in_contact": tuple(pair for pair in PAIRS if model.contact is not None and getattr(wanted, pair))}
+
+
+def _passed(touching: Touching, points: np.ndarray, thickness: float) -> np.ndarray:
+    """Points of the plane and of pairs (p + q, g) that have passed by more than the thickness; pairs must face the same way."""
+    plane, pairs = touching.gaps(points)
+    return np.vstack([plane < -thickness, (pairs < -thickness) & touching.facing(points)])
 
 
 def largest_jump(ramp: xr.Dataset) -> float:

@@ -17,8 +17,8 @@ NU = 0.3
 def sheet(n=8):
     points, quads = grid(n, n)
     mesh = SimpleNamespace(nodes=np.column_stack([points, 0 * points[:, 0]]), quads=quads, layer=np.zeros(len(quads), int))
-    fabric = SimpleNamespace(poisson_ratio=NU)
-    return SimpleNamespace(mesh=mesh, fabric=fabric, element=element("C3D20R"), youngs_modulus=np.full(len(quads), 200.0))
+    modulus = np.full(len(quads), 200.0)
+    return SimpleNamespace(mesh=mesh, element=element("C3D20R"), poisson_ratio=NU, youngs_modulus=modulus)
 
 
 @pytest.mark.parametrize(
