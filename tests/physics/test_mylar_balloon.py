@@ -109,7 +109,7 @@ def inflated(case, tmp_path):
 
 @pytest.mark.parametrize("divisions", [0, 8], ids=["pipeline", "structured"])
 def test_on_some_400_elements_it_has_its_closed_form(inflated, divisions):
-    elements, errors, _, status = inflated(36000, [10.0], divisions=divisions)
+    elements, errors, _, status = inflated(36000, [10.0, 100.0], divisions=divisions)
     assert 350 < elements < 450
     assert status["status"] == CONVERGED, status["reason"]
     np.testing.assert_allclose(errors, 0, atol=0.02)
