@@ -55,11 +55,11 @@ class Limits(Section):
         examples=[0.5],
     )
     compression_share: float = Field(
-        0.4,
+        0.37,
         gt=0,
         le=1,
         description="share of the fabric's energy at rest that is compression which no wrinkle carries",
-        examples=[0.4],
+        examples=[0.37],
     )
     actuation_volume: float = Field(
         0.05,

@@ -42,6 +42,8 @@ FRAMES = 5
 FOLLOWED = 5.5
 #: compression share from which a mesh is remarked to be coarse for its wrinkles; docs/reliability.md has measured values
 COARSE = 0.12
+#: elements a wrinkle below which it is in any case
+FEW = 1.25
 #: share of the area on which layers that pass each other by more than the thickness are remarked
 PASSED = 0.01
 #: V_v over that at rest below which a ventricle is nearly empty
@@ -268,8 +270,10 @@ def remarks(checks: Checks, limits: Limits) -> list[str]:
     The words before the colon are the same for all cases.
     """
     found = []
-    if COARSE < (unwrinkled := _unwrinkled(checks)) <= limits.compression_share:
-        found.append(f"coarse for its wrinkles: {unwrinkled:.0%} of the fabric's energy at rest is compression without wrinkles")
+    unwrinkled, elements = _unwrinkled(checks), checks.elements_a_wrinkle
+    if COARSE < unwrinkled <= limits.compression_share or (elements is not None and elements < FEW):
+        share = f"{unwrinkled:.0%} of the fabric's energy at rest is compression without wrinkles"
+        found.append(f"coarse for its wrinkles: {elements or np.nan:.1f} elements a wrinkle, {share}")
     if _is_above(checks.actuation_below, 0.0) and not _is_above(checks.actuation_below, limits.actuation_volume):
         details = f"{checks.actuation_at_rest:.1f} ml at rest, and so up to {checks.actuation_below_range:.0%} of the ramp"
         found.append(f"V_a below zero beyond the fabric's thickness: {details}")
