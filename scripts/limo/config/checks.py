@@ -124,6 +124,8 @@ def check_study(known: Known, path: Path, study: Study) -> dict[str, Setting]:
     if study.preset:
         check_preset(path, study.preset, known.config)
     settings = {name: checked_setting(known, path, study, name, variant) for name, variant in variants_of(study).items()}
+    if 0 in study.axes.n_pouches:
+        check_without_pouches(path, study, settings)
     check_figures(path, study)
     for pressure in study.axes.ventricular_pressure:
         check_pressures(path, study, pressure)
@@ -292,6 +294,30 @@ def check_figures(path: Path, study: Study) -> None:
     check_measured(path, study)
 
 
+def check_without_pouches(path: Path, study: Study, settings: Mapping[str, Setting]) -> None:
+    """Without pouches nothing is actuated: engine newton inflates the device to P_v, and there are volumes alone."""
+    numbers, maximum = study.axes.n_pouches, study.actuation_pressure_max
+    if numbers != [0]:
+        raise ConfigError(path, "axes.n_pouches", numbers, "0 alone, for devices with pouches have a ramp", "n_pouches: [8]")
+    if maximum != 0:
+        expected = f"an even number from 2 to 16; or 0 beside actuation_pressure_max: 0, and not {maximum}: nothing is actuated"
+        raise ConfigError(path, "axes.n_pouches", numbers, expected, "n_pouches: [8]")
+    if min(study.axes.ventricular_pressure) == 0:
+        expected = "more than 0 kPa with n_pouches: [0], or there is no load"
+        raise ConfigError(path, "axes.ventricular_pressure", 0, expected, "ventricular_pressure: [1]")
+    for key in ("figures", "measured", "cross_check"):
+        if value := getattr(study, key):
+            expected = "none with n_pouches: [0], whose P_a stays zero"
+            raise ConfigError(path, key, value, expected, f"no {key}")
+    if study.measures:
+        expected = "volumes alone with n_pouches: [0]"
+        raise ConfigError(path, "outputs", study.outputs, expected, "outputs: [volumes]")
+    for name, setting in settings.items():
+        if setting.engine != "newton":
+            key = f"variants.{name}.engine" if name else "engine"
+            raise ConfigError(path, key, setting.engine, "newton with n_pouches: [0]", "engine: newton")
+
+
 def check_measured(path: Path, study: Study) -> None:
     """Measured curves of a study must be there, and one of its figures at least must show them."""
     if study.measured is None:
@@ -312,7 +338,7 @@ def check_pressures(path: Path, study: Study, pressure: float) -> None:
     except KeyError:
         expected, example = f"a maximum for P_v = {pressure} kPa", f"{key}: {{{pressure}: {pressure + 60:g}}}"
         raise ConfigError(path, key, study.actuation_pressure_max, expected, example) from None
-    if maximum <= pressure:
+    if maximum <= pressure and study.axes.n_pouches != [0]:
         raise ConfigError(path, key, maximum, f"more than P_v = {pressure} kPa, or nothing inflates", example)
     for name in ("frames", "fields_at"):
         if beyond := [frame for frame in getattr(study, name) if not isinstance(frame, str) and frame > maximum]:

@@ -18,7 +18,7 @@ from limo.datasets.measures import gather_measures
 from limo.datasets.provenance import study_attributes
 from limo.datasets.variables import CHECKS, CURVE_DIMS, TEXTS, VARIABLES, Variable, describe_axes, on_axes
 from limo.errors import ResultError
-from limo.measure.states import state_variables
+from limo.measure.states import REMARKS_APART, state_variables
 from limo.schema.pressures import is_beyond
 from limo.store.files import UNREADABLE, read_json
 from limo.store.results import CaseFiles
@@ -78,6 +78,7 @@ def _fill(arrays: GridArrays, member: Member, pressures: np.ndarray) -> None:
             arrays[variable][index][beyond] = np.nan
     arrays["case_id"][index] = member.source
     arrays["case_status"][index], arrays["case_reason"][index] = status.status, status.reason
+    arrays["case_remarks"][index] = REMARKS_APART.join(status.remarks)
     arrays["efficiency_90ml_reason"][index] = efficiency_reason(status.status, arrays["stroke_volume"][index])
     arrays["solver_build"][index] = " ".join(status.solver[k] for k in ("version", "sha256", "build") if k in status.solver)
 

@@ -56,6 +56,7 @@ TEXTS = {
     "case_id": "name of the case that these results are from",
     "case_status": "how the solve ended, as far as the study's P_a,max",
     "case_reason": "why the case did not converge, or what is doubtful about it",
+    "case_remarks": "what of a result that counts is not physical, or coarse",
     "efficiency_90ml_reason": "why there is no efficiency at a stroke of 90 ml",
     "solver_build": "which executable or library solved the case",
 }

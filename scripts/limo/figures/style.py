@@ -14,7 +14,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from PIL import Image
 
-from limo.measure.states import folded_otherwise
+from limo.measure.states import folded_otherwise, remarked
 from limo.schema.figures import shown_places
 
 if TYPE_CHECKING:
@@ -147,12 +147,13 @@ def note_above(figure, note: str) -> None:
 
 
 def gaps(dataset: xr.Dataset, most: int = 5) -> list[str]:
-    """What stands under a figure: cases that failed or are degraded with their reasons, the first ``most``, and other folds."""
+    """What stands under a figure: the first ``most`` cases that failed or are degraded, with reasons, other folds, remarks."""
     dims = list(dataset.case_status.dims)
     cases = dataset[["case_id", "case_status", "case_reason"]].stack(case=dims) if dims else dataset.expand_dims("case")
     failed = [cases.isel(case=k) for k in range(cases.sizes["case"]) if str(cases.case_status.values[k]) != "converged"]
     lines = [f"{case.case_id.values}: {case.case_status.values}, {case.case_reason.values}" for case in failed[:most]]
-    return lines + ([f"and {len(failed) - most} more"] if len(failed) > most else []) + folded_otherwise(dataset)
+    more = [f"and {len(failed) - most} more"] if len(failed) > most else []
+    return [*lines, *more, *folded_otherwise(dataset), *remarked(dataset)]
 
 
 def legend(figure, handles: list, notes: list[str], ncols: int) -> None:

@@ -110,6 +110,8 @@ def seam_fractions(pattern: Pattern, n_pouches: int) -> tuple[float, ...]:
     As listed by the pattern. Otherwise evenly counted seams u = 2 k / n_face (k from the axis) lie at 1 - (1 - u)^p of the
     half width. This narrows the outer pouches as on the recovered pattern.
     """
+    if not n_pouches:
+        return ()
     if n_pouches in pattern.seams.fractions:
         return tuple(pattern.seams.fractions[n_pouches])
     per_face = n_pouches // 2
@@ -120,11 +122,14 @@ def seam_fractions(pattern: Pattern, n_pouches: int) -> tuple[float, ...]:
 
 
 def flat_pattern(pattern: Pattern, n_pouches: int, source: object = "pattern") -> FlatPattern:
-    """Curves and patches of the right half of one face, for an even number of pouches.
+    """Curves and patches of the right half of one face, for an even number of pouches; with 0 the wall alone.
 
     ``source`` is the file that errors name. Raises ``ConfigError`` for an outline that crosses itself, an array that leaves
-    it, and seams that cross each other or leave the array.
+    it, seams that cross each other or leave the array, and pouches without an array.
     """
+    if n_pouches and pattern.pouch_array is None:
+        expected = "0 of a device without pouch_array and seams, or these in its pattern"
+        raise ConfigError(source, "n_pouches", n_pouches, expected, "n_pouches: [0]")
     length, half_width = pattern.length, quarter_perimeter(pattern)
 
     def scaled(points: np.ndarray) -> np.ndarray:
@@ -137,8 +142,8 @@ def flat_pattern(pattern: Pattern, n_pouches: int, source: object = "pattern") -
 
     outline = scaled(_smooth_unit(pattern.outline, length))
     outline[0], outline[-1, 0] = (half_width, 0.0), 0.0
-    array = scaled(_smooth_unit(pattern.pouch_array, length))
-    array[[0, -1], 0] = 0.0
+    array = scaled(_smooth_unit(pattern.pouch_array, length)) if n_pouches else np.empty((0, 2))
+    array[[0, -1] if n_pouches else [], 0] = 0.0
     fractions = seam_fractions(pattern, n_pouches)
     seams = [scaled(_smooth_unit([pattern.seams.reference], length) * [f, 1.0]) for f in fractions if f > 0]
     axis_is_seam = bool(fractions) and fractions[0] == 0.0
@@ -150,8 +155,12 @@ def flat_pattern(pattern: Pattern, n_pouches: int, source: object = "pattern") -
         curves.append(Curve(name, kind, points))
         return len(curves) - 1
 
-    valve = add("valve", "valve", smooth([[0.0, 0.0], [half_width, 0.0]]))
+    edge = [(add("valve", "valve", smooth([[0.0, 0.0], [half_width, 0.0]])), 1)] if pattern.valve else []
     outer = add("outer", "outer", outline)
+    if not n_pouches:
+        axis = add("axis", "axis", smooth([outline[-1], [0.0, 0.0]]))
+        wall = Region(-1, (*edge, (outer, 1), (axis, 1)))
+        return FlatPattern(length, half_width, 0, False, tuple(curves), (wall,))
     axis_top = add("axis_top", "axis", smooth([outline[-1], array[-1]]))
     axis_low = add("axis_low", "axis", smooth([array[0], [0.0, 0.0]]))
     axis_mid = add("axis_mid", "seam" if axis_is_seam else "axis", smooth([array[-1], array[0]]))
@@ -167,7 +176,7 @@ def flat_pattern(pattern: Pattern, n_pouches: int, source: object = "pattern") -
     border = [*((b, 1) for b in below), (add("array_side", "seam", rest), 1), *((t, 1) for t in reversed(above))]
     inner = [add(f"seam{k}", "seam", s) for k, s in enumerate(seams)]
 
-    regions = [Region(-1, ((valve, 1), (outer, 1), (axis_top, 1), *((i, -d) for i, d in reversed(border)), (axis_low, 1)))]
+    regions = [Region(-1, (*edge, (outer, 1), (axis_top, 1), *((i, -d) for i, d in reversed(border)), (axis_low, 1)))]
     left = (axis_mid, 1)
     for k, seam in enumerate(inner):
         regions.append(Region(k, ((below[k], 1), (seam, 1), (above[k], 1), left)))
@@ -192,6 +201,8 @@ def _check(source: object, n_pouches: int, outline: np.ndarray, array: np.ndarra
             "a simple curve from the valve edge to the apex with x >= 0 that does not cross itself",
             "outline: [[[0.4, 0.0], [0.44, 0.5], [0.0, 1.0]]]",
         )
+    if not n_pouches:
+        return
     block = Polygon(array)
     if (
         not block.is_valid

@@ -54,10 +54,12 @@ class ValveEllipse:
 
 
 def quarter_perimeter(pattern: Pattern) -> float:
-    """A quarter of the valve's perimeter in mm, the same for every aspect ratio (the edge is inextensible)."""
+    """A quarter of the valve's perimeter in mm, the same for every aspect ratio (the edge is inextensible); 0 without one."""
     from scipy.special import ellipe
 
     valve = pattern.valve
+    if valve is None:
+        return 0.0
     if valve.flat_half_width_over_length is not None:
         return valve.flat_half_width_over_length * pattern.length
     return valve.semi_major_over_length * pattern.length * float(ellipe(1.0 - valve.at_aspect_ratio**-2))

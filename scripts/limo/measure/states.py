@@ -16,6 +16,8 @@ from limo.store.statuses import USABLE
 FOLDED_OTHERWISE = 0.02
 #: devices without which there is no median to speak of
 LEAST_NEIGHBOURS = 3
+#: between several remarks on a case, whose words before a colon are those of all cases of which they hold
+REMARKS_APART = "; "
 #: variables of ``state_variables``: units and meaning
 STATES = {
     "lowest_branch": ("1", "branch of least potential energy at rest, which figures show"),
@@ -72,3 +74,16 @@ def folded_otherwise(dataset: xr.Dataset) -> list[str]:
             f"{where}: folded otherwise than devices with other N_p, {100 * float(case):.1f} % above their energy at rest"
         )
     return lines
+
+
+def remarked(dataset: xr.Dataset) -> list[str]:
+    """What of the results of a study is not physical, or coarse: one line each, with the number of cases."""
+    if "case_remarks" not in dataset:
+        return []
+    texts = [str(text) for text in lowest(dataset).case_remarks.values.ravel()]
+    cases: dict[str, list[str]] = {}
+    for what, _, details in (remark.partition(": ") for text in texts if text for remark in text.split(REMARKS_APART)):
+        cases.setdefault(what, []).append(details)
+    if len(texts) == 1:
+        return [f"{what}: {details[0]}" for what, details in cases.items()]
+    return [f"{what}, in {len(details)} of {len(texts)} cases" for what, details in cases.items()]

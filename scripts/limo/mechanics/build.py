@@ -71,6 +71,8 @@ def valve_displacements(aspect_ratio: float, mesh: DeviceMesh) -> dict[int, np.n
     Front nodes go to z > 0, back nodes to z < 0, nodes shared by both to z = 0; v = 0 (paper, Eqs. valve).
     """
     nodes = np.flatnonzero(mesh.on_valve)
+    if not len(nodes):
+        return {}
     x = mesh.nodes[nodes, 0]
     half_width = np.abs(x).max()
     ellipse = ValveEllipse.from_perimeter(half_width, aspect_ratio)
@@ -154,6 +156,20 @@ def build_model(case: Described, mesh: DeviceMesh, *, like_shells: bool | None =
     return Model(**values, **_constraints(mesh, values["expansion"], displacements))
 
 
+def _held_in_place(mesh: DeviceMesh) -> list[tuple[int, int]]:
+    """Nodes and directions of the outer edge that hold a closed device as a rigid body, beside its planes of symmetry.
+
+    Its ends on the axis and its widest point: six directions of a full device.
+    """
+    if mesh.on_valve.any():
+        return []
+    edge = np.flatnonzero(mesh.on_outer & mesh.is_corner)
+    x, y, _ = mesh.nodes[edge].T
+    low, high, side = (int(edge[k]) for k in (np.lexsort((np.abs(x), y))[0], np.lexsort((np.abs(x), -y))[0], x.argmax()))
+    held = {"quarter": [(low, 1)], "front_back": [(low, 1), (low, 0), (high, 0)]}
+    return held.get(mesh.symmetry, [(low, 0), (low, 1), (low, 2), (high, 0), (high, 2), (side, 2)])
+
+
 def _constraints(mesh: DeviceMesh, expansion: Expansion, displacements: dict[int, np.ndarray]) -> dict[str, Any]:
     """Nodes of a model of bricks, those of reference included, and how they are held, moved and tied."""
     bottom, middle, top = expansion.bottom, expansion.middle, expansion.top
@@ -170,6 +186,7 @@ def _constraints(mesh: DeviceMesh, expansion: Expansion, displacements: dict[int
     for node in np.flatnonzero(mesh.on_axis):
         triple = (bottom[node], middle[node], top[node])
         fixed += [(int(n), 0) for n in triple if n >= 0 and (int(n), 0) not in taken]
+    fixed += [(int(middle[node]), d) for node, d in _held_in_place(mesh)]
     taken |= set(fixed)
     if mesh.symmetry != "full":
         for node in np.flatnonzero(mesh.on_outer):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.sparse import csr_array
-from scipy.spatial import cKDTree
 
 from limo.errors import ResultError
 from limo.mesh.elements import quad8_shape
@@ -41,6 +40,8 @@ def interpolation(source: DeviceMesh, target: DeviceMesh) -> csr_array:
 def _looked_up(points: np.ndarray, corners: np.ndarray, quads: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
     """Nodes (p, 8) and weights (p, 8) of points (p, 2) in the best of ``quads`` (k, 8) at ``corners`` (k, 8, 2), and how far the
     worst of them lies outside of its own, in local coordinates."""
+    from scipy.spatial import cKDTree  # takes a tenth of a second, and most solves begin on no other mesh
+
     _, near = cKDTree(corners.mean(axis=1)).query(points, k=min(NEAR, len(quads)))
     near = near.reshape(len(points), -1)
     best, nodes, weights = np.full(len(points), np.inf), np.zeros((len(points), 8), int), np.zeros((len(points), 8))

@@ -21,6 +21,7 @@ from limo.reports import (
     geometry,
     overhead,
     paper_check,
+    peer,
     performance,
     readme,
     reliability,
@@ -47,7 +48,8 @@ def _accuracy(root: Path) -> str:
 def _performance(root: Path) -> str:
     rows = performance.read_measurements(root / DATA / "performance.csv")
     measured = overhead.read_overhead(root / DATA / "overhead.csv"), entry.read_entry(root / DATA / "entry.csv")
-    return performance.report(rows, *measured, cluster.read_cluster(root / DATA / "cluster.csv"))
+    beside = cluster.read_cluster(root / DATA / "cluster.csv"), peer.read_peer(root / DATA / "peer.csv")
+    return performance.report(rows, *measured, *beside)
 
 
 def _gallery(config: str, part: str) -> Callable[[Path], str]:
@@ -78,7 +80,6 @@ DOCUMENTS: dict[str, Callable[[Path], str]] = {
     "docs/geometry.md": _parts("docs/geometry.md", geometry.parts),
     "docs/gallery/README.md": _gallery("config.yaml", ""),
     "docs/gallery/standard/README.md": _gallery("standard.yaml", "standard"),
-    "docs/gallery/as_in_paper/README.md": _gallery("as_in_paper.yaml", "as_in_paper"),
     "docs/paper_check.csv": _paper_table,
     "docs/paper_check.md": _paper_page,
     "docs/performance.md": _performance,

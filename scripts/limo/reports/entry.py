@@ -5,8 +5,10 @@ Both checkouts are measured in one batch, one after the other in each round, so 
 
 from __future__ import annotations
 
+import json
 import resource
 import shutil
+import statistics
 import subprocess
 import tempfile
 import time
@@ -34,6 +36,48 @@ tree = ast.parse(open("Snakefile").read().partition("CONFIG_FILE =")[0])
 lines = [node for node in tree.body if isinstance(node, ast.ImportFrom) and node.module.startswith("limo")]
 exec(compile(ast.Module(lines, []), "Snakefile", "exec"))
 """
+#: what a solve by engine newton imports, one after the other, and the CPU time of each; libraries before what needs them
+_SOLVE = """
+import json, sys, time
+sys.path.insert(0, "scripts")
+laps = {"start": time.process_time()}
+def lap(name):
+    laps[name] = time.process_time() - sum(laps.values())
+from snakemake import script
+lap("snakemake")
+import numpy
+lap("numpy")
+import pandas, xarray
+lap("xarray")
+import scipy.sparse
+lap("scipy")
+import numba
+lap("numba")
+from limo.engines.newton import kernels
+lap("kernels")
+import meshio, netCDF4
+lap("files")
+import ast
+lines = [node for node in ast.parse(open("scripts/solve_case.py").read()).body if isinstance(node, ast.ImportFrom)]
+exec(compile(ast.Module(lines, []), "solve_case", "exec"))
+from limo.engines.newton import iteration
+lap("rest")
+laps["all"] = sum(laps.values())
+print(json.dumps(laps))
+"""
+#: its laps in words
+_LAPS = {
+    "all": "imports of a solve by engine newton, Python included",
+    "start": "of these: Python",
+    "snakemake": "of these: what Snakemake puts before a script",
+    "numpy": "of these: NumPy",
+    "xarray": "of these: xarray and pandas, of which volumes and frames are made",
+    "scipy": "of these: scipy.sparse",
+    "numba": "of these: Numba",
+    "kernels": "of these: the first compiled kernel from Numba's cache",
+    "files": "of these: meshio and netCDF4",
+    "rest": "of these: all else, schemas and LIMO itself",
+}
 WORDS = {
     "python": "Python that does nothing",
     "imports": "imports of the Snakefile, Python included",
@@ -41,6 +85,7 @@ WORDS = {
     "no_op": "a sweep of 19 solved cases with nothing to do",
     "dry_run": "dry run of 1,000 cases",
     "tests": "`make test` in a fresh clone, set-up apart",
+    **{f"solve_{name}": words for name, words in _LAPS.items()},
 }
 
 
@@ -55,6 +100,22 @@ def compare(here: Path, other: Path, runs: int = RUNS) -> pd.DataFrame:
             seconds = [(_cpu_seconds(*one), _cpu_seconds(*two)) for _ in range(runs)]
         rows.append(row(what, *pd.DataFrame(seconds).median(), "CPU", runs, other))
     return pd.DataFrame(rows, columns=COLUMNS)
+
+
+def compare_solve_imports(here: Path, other: Path, runs: int = RUNS) -> pd.DataFrame:
+    """Median CPU seconds of what a solve by engine newton imports, part by part, in this checkout and another one."""
+    _laps(here), _laps(other)  # compiles kernels, where that was not done
+    pairs = [(_laps(here), _laps(other)) for _ in range(runs)]
+    rows = []
+    for name in _LAPS:
+        seconds, others = (statistics.median(pair[k][name] for pair in pairs) for k in (0, 1))
+        rows.append(row(f"solve_{name}", seconds, others, "CPU", runs, other))
+    return pd.DataFrame(rows, columns=COLUMNS)
+
+
+def _laps(folder: Path) -> dict[str, float]:
+    """CPU time (s) of the parts of ``_LAPS``."""
+    return json.loads(_run([str(folder / ".venv/bin/python"), "-c", _SOLVE], folder).splitlines()[-1])
 
 
 def compare_tests(here: Path, other: Path) -> pd.DataFrame:
@@ -73,7 +134,7 @@ def row(what: str, seconds: float, other_seconds: float, kind: str, runs: int, o
         "what": what,
         "other_seconds": round(other_seconds, 2),
         "seconds": round(seconds, 2),
-        "ratio": round(seconds / other_seconds, 3),
+        "ratio": round(seconds / max(other_seconds, 1e-3), 3),
         "kind": kind,
         "runs": runs,
         "other": _run(["git", "rev-parse", "--short", "HEAD"], other).strip(),

@@ -27,6 +27,7 @@ from limo.reports.cluster import cluster_table
 from limo.reports.entry import entry_table
 from limo.reports.markdown import markdown_table, number, read_rows, shown, signed_percent
 from limo.reports.overhead import NOTHING, PLANNING
+from limo.reports.peer import peer_section
 from limo.schema.section import ENGINES
 from limo.store.files import read_json, write_whole
 from limo.store.machine import processor
@@ -131,8 +132,8 @@ DECKS = {"calculix": "fast", "newton": "-"}
 CASE = ["n_pouches", "ventricular_pressure", "aspect_ratio", "stiffness_ratio"]
 
 
-def report(rows: pd.DataFrame, overhead: pd.DataFrame, entry: pd.DataFrame, cluster: pd.DataFrame) -> str:
-    """docs/performance.md from raw measurements, and what ``overhead``, ``entry`` and ``cluster`` measured; a gap says so."""
+def report(rows: pd.DataFrame, overhead: pd.DataFrame, entry: pd.DataFrame, cluster: pd.DataFrame, peer: pd.DataFrame) -> str:
+    """docs/performance.md of raw measurements, and of those of the modules that arguments are named after; gaps say so."""
     rows = with_iterations(rows)
     machines = ", ".join(sorted(rows.machine.dropna().unique()))
     parts = [
@@ -159,10 +160,15 @@ def report(rows: pd.DataFrame, overhead: pd.DataFrame, entry: pd.DataFrame, clus
         "limit. Its CPU time is extrapolated in proportion to the share of the solver's clock that it reached. This is a lower "
         "bound, because the costly snaps of the ramp lie beyond.",
         markdown_table(_builds(rows)),
+        "## A peer beside the engine newton",
+        *peer_section(peer),
         "## To enter the project",
         "Written by `limo performance beside CHECKOUT`: medians of CPU time in this checkout and in an older one, measured in "
-        "turns. `limo performance beside CHECKOUT --tests` adds the wall time of the tests, once each.",
+        "turns. `--solve` adds what a solve imports, and `--tests` the wall time of the tests, once each.",
         entry_table(entry),
+        "A small case of engine newton is mostly imports; other work shared the machine when theirs were measured. At most 0.4 s "
+        "was aimed at and **is not met**: kernels need Numba, which takes that with its first kernel, and results need xarray, "
+        "which brings pandas. Compiled kernels after the first one take milliseconds each.",
         "## Sweeps on a cluster",
         "Written by `limo performance cluster`: a study of very coarse cases, whose solve is replaced by a second of waiting. "
         "Rules, scripts and Slurm are real; its only node is this machine. Cases are of volumes alone. Time and memory are "

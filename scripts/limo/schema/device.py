@@ -6,7 +6,7 @@ from collections.abc import Callable
 from itertools import pairwise
 from typing import Annotated, Any
 
-from pydantic import Field, field_validator, model_serializer, model_validator
+from pydantic import Field, ValidationInfo, field_validator, model_serializer, model_validator
 
 from limo.schema.section import Section
 
@@ -162,29 +162,36 @@ class Material(Sheet):
 
 
 class Pattern(Section):
-    """Outline and pouch layout of a face, right half. Coordinates are fractions of the length."""
+    """Outline and pouch layout of a face, right half. Coordinates are fractions of the length.
+
+    Without ``pouch_array`` and ``seams`` it is of a device without pouches. Without ``valve``, too, it is sealed all round.
+    """
 
     length: float = Field(ge=1, le=1000, description="L in mm, from the valve edge to the apex", examples=[140.0])
     width_scale: float = Field(1.0, ge=0.5, le=1.5, description="scale of all widths away from the valve edge", examples=[0.9])
     width_blend: float = Field(
         0.25, gt=0, le=1, description="y/L over which width_scale is blended to 1 at the valve edge", examples=[0.25]
     )
-    valve: Valve
+    valve: Valve | None = Field(None, description="the valve support; without it a device without pouches is closed")
     outline: list[SplinePoints] = Field(
         min_length=1,
-        description="smooth curves, end to start, from the valve edge (x/L, 0) to the apex (0, 1)",
+        description="smooth curves, end to start, from the valve edge (x/L, 0), or without a valve from the axis (0, 0), to the "
+        "apex (0, 1)",
         examples=[[[[0.4, 0.0], [0.44, 0.5], [0.0, 1.0]]]],
     )
-    pouch_array: list[SplinePoints] = Field(
+    pouch_array: list[SplinePoints] | None = Field(
+        None,
         min_length=1,
         description="smooth curves, end to start, from (0, y_bottom) round the array to (0, y_top)",
         examples=[[[[0.0, 0.2], [0.4, 0.2]], [[0.4, 0.2], [0.4, 0.9]], [[0.4, 0.9], [0.0, 0.9]]]],
     )
-    seams: Seams
+    seams: Seams | None = Field(None, description="seams between pouches; none without pouch_array")
 
     @field_validator("outline", "pouch_array")
     @classmethod
-    def _chained(cls, curves: list[list[Point]]) -> list[list[Point]]:
+    def _chained(cls, curves: list[list[Point]] | None) -> list[list[Point]] | None:
+        if curves is None:
+            return None
         for before, after in pairwise(curves):
             if before[-1] != after[0]:
                 raise ValueError(f"curves that meet end to start: {before[-1]} and {after[0]} differ")
@@ -197,8 +204,11 @@ class Pattern(Section):
 
     @field_validator("outline")
     @classmethod
-    def _from_valve_to_apex(cls, curves: list[list[Point]]) -> list[list[Point]]:
-        if curves[0][0][1] != 0 or curves[0][0][0] == 0:
+    def _from_valve_to_apex(cls, curves: list[list[Point]], info: ValidationInfo) -> list[list[Point]]:
+        if info.data.get("valve", True) is None:
+            if curves[0][0] != (0, 0):
+                raise ValueError("a first point on the axis (0, 0), for there is no valve; or a valve")
+        elif curves[0][0][1] != 0 or curves[0][0][0] == 0:
             raise ValueError("a first point on the valve edge (x > 0, y = 0)")
         if curves[-1][-1][1] <= 0:
             raise ValueError("a last point at the apex (0, y) with y > 0")
@@ -206,11 +216,21 @@ class Pattern(Section):
 
     @field_validator("pouch_array")
     @classmethod
-    def _from_below_to_above(cls, curves: list[list[Point]]) -> list[list[Point]]:
+    def _from_below_to_above(cls, curves: list[list[Point]] | None) -> list[list[Point]] | None:
+        if curves is None:
+            return None
         low, high = curves[0][0], curves[-1][-1]
         if low[0] != 0 or not 0 < low[1] < high[1]:
             raise ValueError("a first point (0, y_bottom) off the valve edge and a last point (0, y_top) above it")
         return curves
+
+    @model_validator(mode="after")
+    def _whole(self) -> Pattern:
+        if (self.pouch_array is None) != (self.seams is None):
+            raise ValueError("pouch_array and seams together, or neither of a device without pouches")
+        if self.pouch_array and self.valve is None:
+            raise ValueError("valve, for there are pouches; only a device without pouches may be closed")
+        return self
 
 
 class Device(Section):

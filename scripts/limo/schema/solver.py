@@ -54,6 +54,20 @@ class Limits(Section):
         description="share of its volume that fabric keeps at every integration point, of all increments",
         examples=[0.5],
     )
+    compression_share: float = Field(
+        0.37,
+        gt=0,
+        le=1,
+        description="share of the fabric's energy at rest that is compression which no wrinkle carries",
+        examples=[0.37],
+    )
+    actuation_volume: float = Field(
+        0.05,
+        gt=0,
+        le=1,
+        description="V_a at rest below zero, beyond the thickness of the pouches' fabric, over the ventricle at rest",
+        examples=[0.05],
+    )
 
 
 #: stands in the keys of a rung for the stage in which the attempt before failed

@@ -14,7 +14,7 @@ from limo.schema.numerics import Mesh
 from limo.schema.pressures import DECIMALS
 from limo.schema.section import NAME, Engine, Section
 
-Pouches = Annotated[int, Field(ge=2, le=16, multiple_of=2)]
+Pouches = Annotated[int, Field(ge=0, le=16, multiple_of=2)]
 
 
 Pressure = Annotated[float, Field(ge=0, le=1000)]
@@ -26,7 +26,9 @@ FRAME = re.compile(r"^\s*(P_v|max)\s*(?:([+-])\s*(\d+(?:\.\d*)?))?\s*$")
 class Axes(Section):
     """The grid of a study: every combination is a case."""
 
-    n_pouches: list[Pouches] = Field(min_length=1, description="N_p, even, on both faces together", examples=[[4, 6, 8, 10]])
+    n_pouches: list[Pouches] = Field(
+        min_length=1, description="N_p, even, on both faces together; 0 alone", examples=[[4, 6, 8, 10]]
+    )
     ventricular_pressure: list[Pressure] = Field(min_length=1, description="P_v in kPa", examples=[[3.8, 13.8, 23.8]])
     aspect_ratio: list[Annotated[float, Field(ge=1, le=10)]] = Field(
         default=[2.0], min_length=1, description="AR of the valve support", examples=[[1.0, 2.0]]
@@ -154,8 +156,9 @@ class Study(_OfAPattern):
         description="an axis of named variants of everything else: each case is solved once for each, in this order",
         examples=[{"quarter": {}, "half": {"mesh": {"symmetry": "front_back"}}}],
     )
-    actuation_pressure_max: Annotated[float, Field(gt=0, le=1000)] | dict[float, Annotated[float, Field(gt=0, le=1000)]] = Field(
-        description="P_a,max in kPa, one number or one for each P_v", examples=[{3.8: 60, 13.8: 100, 23.8: 140}]
+    actuation_pressure_max: Annotated[float, Field(ge=0, le=1000)] | dict[float, Annotated[float, Field(ge=0, le=1000)]] = Field(
+        description="P_a,max in kPa, one number or one for each P_v; 0 without pouches",
+        examples=[{3.8: 60, 13.8: 100, 23.8: 140}],
     )
     actuation: list[Waypoint] | None = Field(
         None,

@@ -28,8 +28,8 @@ from limo.mesh.layers import DeviceMesh
 from limo.schema.section import STAGES
 from limo.schema.solver import Limits, Rung
 from limo.solve.beginning import Beginning, beginning
-from limo.solve.harvest import energy_balance, harvest, rest
-from limo.solve.judge import measure, verdict
+from limo.solve.harvest import energy_balance, harvest, middles, rest
+from limo.solve.judge import measure, remarks, verdict
 from limo.solve.ladder import CONFIGURED, climb
 from limo.store.files import stamp_of, write_json, write_netcdf, write_whole
 from limo.store.results import NUMERICS, OWN_MESH
@@ -151,12 +151,13 @@ def _attempt(
     log.info("%s, %s: %d elements, %d equations or more", case.case_id, rung, len(mesh.quads), 3 * len(model.nodes))
     with find_engine(case.engine).solve(model, run_folder, settings, after, began.on(model)) as path:
         history, frames, problem = harvest(model, path)
+        ends = middles(model, path, history)
     status, reason = path.status, path.reason
     if problem:
         status, reason = ("diverged" if status == "converged" else status), f"{reason} {problem}".strip()
     rested = {"rest_change": 0.0, "rested": True} if path.is_static else rest(history, case.numerics.rest_tolerance)
     balance = energy_balance(model, history, frames)
-    checks = measure(model, history, ramp_of(history), frames, balance, rested["rested"])
+    checks = measure(model, history, ramp_of(history), frames, balance, rested["rested"], ends)
     status, reason = verdict(status, reason, checks, settings.limits)
     summary = {
         "actuation_pressure_reached": _reached(history),
@@ -164,6 +165,7 @@ def _attempt(
         "degrees_of_freedom": 3 * len(model.expansion.nodes),
         **rested,
         **balance,
+        "remarks": remarks(checks, settings.limits) if status in USABLE else [],
         "checks": {k: v for k, v in asdict(checks).items() if k not in ("rested", "dissipated_fraction")},
     }
     return Attempt(rung, case, mesh, status, reason, path, history, frames, summary)

@@ -66,6 +66,17 @@ def harvest(model: Model, path: LoadPath) -> tuple[xr.Dataset, xr.Dataset, str]:
     return history, _frames_dataset(model, path, frames), frames.problem or increments.problem
 
 
+def middles(model: Model, path: LoadPath, history: xr.Dataset) -> list[np.ndarray]:
+    """Places (n, 3) in mm of the mesh's nodes on the middle surface at rest and in the last increment; none without rest."""
+    at_rest = np.flatnonzero(history.stage.values == STAGES.index("hold"))
+    if not len(at_rest):
+        return []
+    try:
+        return [model.middle(path.displacements(int(k))) for k in (at_rest[-1], history.sizes["increment"] - 1)]
+    except ResultError:  # an increment that cannot be read is named by ``harvest``
+        return []
+
+
 def _increments(model: Model, path: LoadPath) -> _Increments:
     gathered = _Increments()
     try:

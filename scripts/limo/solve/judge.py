@@ -6,7 +6,10 @@ So every solved case is measured (``measure``), the raw numbers are kept, and ``
 - wrong, hence ``diverged``: displacements that are no numbers or beyond all bounds, elements turned inside out, forces far
   out of equilibrium;
 - right within limits that a study may not accept, hence ``degraded``: too much damping, energy from nowhere, no rest before the
-  ramp, a residual above its limit. Also jumps of a volume that are no buckling event, and fabric far beyond its law.
+  ramp, a residual above its limit. Also jumps of a volume that are no buckling event, fabric far beyond its law, and states that
+  lock: flat against their own compression, at far higher energy than wrinkled ones.
+
+What the model leaves out is no fault of a solve, but nobody should miss it: ``remarks`` names it.
 """
 
 from __future__ import annotations
@@ -18,8 +21,12 @@ import xarray as xr
 
 from limo.errors import ResultError
 from limo.measure.buckling import events
+from limo.mechanics.contact import Touching, contact_of
 from limo.mechanics.equilibrium import residual
+from limo.mechanics.layer import flat_areas
 from limo.mechanics.model import Model
+from limo.mechanics.tension_field import compression_share, elements_a_wrinkle
+from limo.mesh.layers import LAYERS
 from limo.schema.solver import Limits
 
 #: largest displacement, over the device length, that a state may show and still be believed
@@ -31,6 +38,20 @@ THINNEST = 0.5
 NO_EQUILIBRIUM = 10.0
 #: frames of a case whose equilibrium is looked at: the first, the last and some between
 FRAMES = 5
+#: elements a wrinkle from which a mesh follows wrinkles: compression at rest is then what the fabric can carry
+FOLLOWED = 5.5
+#: compression share from which a mesh is remarked to be coarse for its wrinkles; docs/reliability.md has measured values
+COARSE = 0.12
+#: elements a wrinkle below which it is in any case
+FEW = 1.25
+#: share of the area on which layers that pass each other by more than the thickness are remarked
+PASSED = 0.01
+#: V_v over that at rest below which a ventricle is nearly empty
+NEARLY_EMPTY = 0.05
+#: layers that may pass each other, as people call them
+PAIRS = {"front_back": "front and back", "endo_epi": "endocardium and epicardium"}
+#: what frees a state that locks
+FREED = "fit_via: [1, 3, 10] of engine newton or a finer mesh may free it"
 
 
 @dataclass(frozen=True)
@@ -43,7 +64,14 @@ class Checks:
     load): the largest of some frames. ``energy_created``: largest fall of the dissipated energy along the ramp over the
     actuation work; ``largest_jump``: largest change of V_v or V_a from one increment to the next outside of buckling events,
     over V_v at rest; ``smallest_ventricle``: smallest V_v of the ramp over that at rest, not positive where front and back,
-    between which there is no contact, pass through each other. ``error``: why frames could not be measured.
+    between which there is no contact, pass through each other.
+
+    ``compression_share`` at rest and ``elements_a_wrinkle``: ``limo.mechanics.tension_field``; None without P_v.
+    ``actuation_at_rest``: V_a in ml; ``actuation_below``: how far it lies below zero beyond the thickness times the area of the
+    pouches, over V_v at rest; ``actuation_below_range``: the share of the ramp's P_a up to which it does.
+    ``front_back_passed``, ``endo_epi_passed``: share of the area on which these layers have passed each other by more than the
+    thickness, at rest or at the end, whichever is larger; ``in_contact``: those that contact keeps apart. ``error``: why frames
+    could not be measured.
     """
 
     largest_displacement: float | None = None
@@ -56,6 +84,14 @@ class Checks:
     energy_created: float | None = None
     largest_jump: float | None = None
     smallest_ventricle: float | None = None
+    compression_share: float | None = None
+    elements_a_wrinkle: float | None = None
+    actuation_at_rest: float | None = None
+    actuation_below: float | None = None
+    actuation_below_range: float | None = None
+    front_back_passed: float | None = None
+    endo_epi_passed: float | None = None
+    in_contact: tuple[str, ...] = ()
     rested: bool = True
     error: str = ""
 
@@ -67,10 +103,19 @@ def unbelievable(displacements: np.ndarray, volume_ratio: float, length: float) 
     return f"elements turned inside out (det F = {volume_ratio:.2g})" if volume_ratio <= 0 else ""
 
 
-def measure(model: Model, history: xr.Dataset, ramp: xr.Dataset, frames: xr.Dataset, balance: dict, rested: bool) -> Checks:
+def measure(
+    model: Model,
+    history: xr.Dataset,
+    ramp: xr.Dataset,
+    frames: xr.Dataset,
+    balance: dict,
+    rested: bool,
+    ends: list[np.ndarray],
+) -> Checks:
     """The raw numbers of a path: all its increments, those of the ramp from the state at rest, and its kept frames.
 
-    ``balance`` holds ``dissipated_fraction`` of the ramp.
+    ``balance`` holds ``dissipated_fraction`` of the ramp. ``ends``: where the nodes of the mesh (n, 3) are on the middle surface
+    at rest and at the end of the ramp, in mm; empty without rest.
     """
     known = {"rested": rested, "dissipated_fraction": _number(balance.get("dissipated_fraction"))}
     if history.sizes["increment"]:
@@ -81,9 +126,48 @@ def measure(model: Model, history: xr.Dataset, ramp: xr.Dataset, frames: xr.Data
         known["largest_jump"] = largest_jump(ramp)
         known["smallest_ventricle"] = float(ramp.ventricle_volume.min() / max(abs(float(ramp.ventricle_volume[0])), 1e-9))
         known["energy_created"] = _number(energy_created(ramp, model.loading.ventricular_pressure))
+    if ends:
+        known |= pouch_volumes(model, ramp) | layers_passed(model, ends)
+        if model.loading.ventricular_pressure > 0:
+            known |= {"compression_share": compression_share(model, ends[0]), "elements_a_wrinkle": elements_a_wrinkle(model)}
     if not model.element.is_shell and frames.sizes["frame"]:
         known |= _equilibrium(model, frames)
     return Checks(**known)
+
+
+def pouch_volumes(model: Model, ramp: xr.Dataset) -> dict:
+    """How far and how long V_a lies below what the thickness of the fabric explains."""
+    pouches = model.mesh.layer == LAYERS.index("endo")
+    explained = 1e-3 * model.mesh.copies * model.fabric.thickness * float(flat_areas(model.mesh)[pouches].sum())  # ml
+    pressure, volume = ramp.actuation_pressure.values, ramp.actuation_volume.values
+    below = np.flatnonzero(volume < -explained)
+    way = pressure[-1] - pressure[0]
+    return {
+        "actuation_at_rest": float(volume[0]),
+        "actuation_below": float(max(-explained - volume[0], 0.0) / max(abs(float(ramp.ventricle_volume[0])), 1e-9)),
+        "actuation_below_range": float((pressure[below[-1]] - pressure[0]) / way) if below.size and way > 0 else 0.0,
+    }
+
+
+def layers_passed(model: Model, ends: list[np.ndarray]) -> dict:
+    """On which share of their area layers have passed each other."""
+    mesh, thickness, passed = model.mesh, model.fabric.thickness, {}
+    for pair in PAIRS:
+        contact = contact_of(mesh, **dict.fromkeys(PAIRS, False) | {pair: True}, penalty=1.0, reach=thickness, span=thickness)
+        if contact is None:
+            continue
+        touching = Touching(contact, mesh.nodes)
+        areas = np.vstack([touching.plane_area, touching.pair_area * touching.weights])
+        shares = [areas[_passed(touching, points, thickness)].sum() / areas.sum() for points in ends]
+        passed[f"{pair}_passed"] = float(max(shares))
+    wanted = model.numerics.contact
+    return passed | {"in_contact": tuple(pair for pair in PAIRS if model.contact is not None and getattr(wanted, pair))}
+
+
+def _passed(touching: Touching, points: np.ndarray, thickness: float) -> np.ndarray:
+    """Points of the plane and of pairs (p + q, g) that have passed by more than the thickness; pairs must face the same way."""
+    plane, pairs = touching.gaps(points)
+    return np.vstack([plane < -thickness, (pairs < -thickness) & touching.facing(points)])
 
 
 def largest_jump(ramp: xr.Dataset) -> float:
@@ -169,4 +253,50 @@ def verdict(status: str, reason: str, checks: Checks, limits: Limits) -> tuple[s
         (checks.largest_jump, limits.jump, "a volume jumps by {:.2g} of the ventricle without an event"),
     )
     doubts += [f"{text.format(value)} (limit {limit:g})" for value, limit, text in above if value is not None and value > limit]
+    if (unwrinkled := _unwrinkled(checks)) > limits.compression_share:
+        share = f"{unwrinkled:.0%} of the fabric's energy is compression that no wrinkle carries"
+        doubts.append(f"rests locked: {share} (limit {limits.compression_share:g}); {FREED}")
+    if _is_above(checks.actuation_below, limits.actuation_volume):
+        doubts.append(f"{_below_zero(checks)} (limit {limits.actuation_volume:g})")
+    for pair in checks.in_contact:
+        if _is_above(share := getattr(checks, f"{pair}_passed"), PASSED):
+            doubts.append(f"{PAIRS[pair]} pass each other in spite of contact, on {share:.0%} of their area")
     return ("degraded", "; ".join(doubts)) if doubts else ("converged", "")
+
+
+def remarks(checks: Checks, limits: Limits) -> list[str]:
+    """What of a usable result is not physical, or coarse, though it is within its limits: ``what: details`` each.
+
+    The words before the colon are the same for all cases.
+    """
+    found = []
+    unwrinkled, elements = _unwrinkled(checks), checks.elements_a_wrinkle
+    if COARSE < unwrinkled <= limits.compression_share or (elements is not None and elements < FEW):
+        share = f"{unwrinkled:.0%} of the fabric's energy at rest is compression without wrinkles"
+        found.append(f"coarse for its wrinkles: {elements or np.nan:.1f} elements a wrinkle, {share}")
+    if _is_above(checks.actuation_below, 0.0) and not _is_above(checks.actuation_below, limits.actuation_volume):
+        details = f"{checks.actuation_at_rest:.1f} ml at rest, and so up to {checks.actuation_below_range:.0%} of the ramp"
+        found.append(f"V_a below zero beyond the fabric's thickness: {details}")
+    for pair, names in PAIRS.items():
+        if _is_above(passed := getattr(checks, f"{pair}_passed"), PASSED) and pair not in checks.in_contact:
+            found.append(f"{names} pass each other: on {passed:.0%} of their area, without contact between them")
+    if checks.smallest_ventricle is not None and 0 < checks.smallest_ventricle < NEARLY_EMPTY:
+        found.append(f"the ventricle is nearly empty: V_v falls to {checks.smallest_ventricle:.1%} of that at rest")
+    return found
+
+
+def _unwrinkled(checks: Checks) -> float:
+    """The compression share, of a mesh that does not follow wrinkles; else 0."""
+    return 0.0 if _is_above(checks.elements_a_wrinkle, FOLLOWED) else checks.compression_share or 0.0
+
+
+def _below_zero(checks: Checks) -> str:
+    """How far V_a lies below zero at rest."""
+    return (
+        f"V_a at rest is {checks.actuation_at_rest:.1f} ml: pouch layers lie on the wrong side of each other by "
+        f"{checks.actuation_below:.2g} of V_v beyond what the fabric's thickness explains"
+    )
+
+
+def _is_above(value: float | None, limit: float) -> bool:
+    return value is not None and value > limit

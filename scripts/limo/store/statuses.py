@@ -48,12 +48,14 @@ class SolveStatus(_Plain):
 
     ``status`` is one of ``ENDED``; pressures in kPa, times in s, memory in MiB. ``fit_cpu_seconds`` were spent on coarser meshes
     for the state at which it began. ``attempts``: all climbs of the ladder.
+    ``remarks``: what is not physical or coarse about a usable result, ``what: details`` each.
     ``recovery``: what the solve is called (``Plan.recovery_of``). ``interrupted``: something outside broke it off.
     ``files``: stamps of what it wrote. None and empty stand for what an older or fabricated status does not say.
     """
 
     status: str
     reason: str = ""
+    remarks: list[str] = []
     case: str = ""
     engine: str = ""
     actuation_pressure_reached: float | None = None

@@ -139,7 +139,7 @@ def show_case(results: Path, words: Sequence[str], pressures: Sequence[float] = 
     """What a case is, where its files are, its volumes at some P_a (kPa; none: those of its frames), events and costs."""
     name = find_case(results, words)
     one = CaseFolder(Results(results).case(name).folder)
-    lines = [name, f"  {_how_it_is(one.status)}", *_what_it_is(one)]
+    lines = [name, f"  {_how_it_is(one.status)}", *(f"  {remark}" for remark in one.ended.get("remarks", ())), *_what_it_is(one)]
     if one.ramp is not None:
         lines += ["", *_volumes(one, pressures), "", *_events(one)]
     if one.ended:

@@ -248,7 +248,7 @@ def ended_status(name: str, status: SolveStatus, maximum: float | None) -> CaseS
     return CaseStatus(
         name,
         status.status,
-        status.reason,
+        "; ".join(filter(None, [status.reason, *(remark.partition(": ")[0] for remark in status.remarks)])),
         counted[-1] if counted else "",
         status.actuation_pressure_reached,
         maximum,

@@ -16,7 +16,7 @@ from limo.cases.plan import make_plan
 from limo.config.builds import open_project
 from limo.datasets.variables import COORDINATES, SYMBOLS, place
 from limo.errors import ResultError
-from limo.measure.states import folded_otherwise, rest_energy
+from limo.measure.states import folded_otherwise, remarked, rest_energy
 from limo.reports.markdown import shown
 from limo.store.files import UNREADABLE
 
@@ -108,7 +108,7 @@ def study_table(path: Path) -> str:
             lines.append(f"  {case.case_id.values}: {reason}")
     if "lowest_branch" in dataset:
         lines.append("* the solution of least energy at rest, which figures show")
-    lines += folded_otherwise(dataset)
+    lines += [*folded_otherwise(dataset), *remarked(dataset)]
     lines += _inside_out(cases)
     figures = sorted((path.parent / "figures").glob("*.p*"))
     return "\n".join([*lines, *(f"figure: {f}" for f in figures)])

@@ -290,6 +290,7 @@ def test_table_keeps_all_and_the_report_is_made_of_it(dataset, tmp_path):
     assert "### `cap`: a cap" in text
     assert "| S8R (straight up) | 2 | -20.0%, **not met** |" in text, "the density of the published mesh"
     assert "| S8R (straight up) | 4 | -20.0%, **not met** |" in text, "the finest"
+    assert "| series | n | w_M within 1% | u_B smooth within 2% | Pi [J] |" in text, "the middle of an edge is no target"
     assert re.search(r"\| S3 \(via 100 p\) \| 3 \| 96 \| converged \| 40\.0 \| -20\.0% \|", text)
     assert "| diverged: too many cutbacks | - | - |" in text
     table.write_text("a,b\n1,2\n")

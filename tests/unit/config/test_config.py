@@ -89,7 +89,9 @@ MISTAKES = [
     (STUDY, ("pouches",), [8], "axes"),
     (STUDY, (*AXES, "n_pouch"), [8], "n_pouches"),
     (STUDY, N_P, [7], "multiple of 2"),
-    (STUDY, N_P, [0], "greater than or equal to 2"),
+    (STUDY, N_P, [0], "an even number from 2 to 16"),
+    (STUDY, N_P, [-2], "greater than or equal to 0"),
+    (STUDY, N_P, [0, 8], "0 alone"),
     (STUDY, N_P, [8, 18], "less than or equal to 16"),
     (STUDY, N_P, [8, 8], "twice"),
     (STUDY, N_P, [], "at least 1"),
@@ -108,7 +110,8 @@ MISTAKES = [
     (STUDY, P_MAX, 3.8, "more than P_v = 3.8"),
     (STUDY, P_MAX, {3.8: 2.0}, "more than P_v = 3.8"),
     (STUDY, P_MAX, {13.8: 100.0}, "P_v = 3.8"),
-    (STUDY, P_MAX, {3.8: -60.0}, "greater than 0"),
+    (STUDY, P_MAX, {3.8: -60.0}, "greater than or equal to 0"),
+    (STUDY, P_MAX, 0, "more than P_v = 3.8"),
     (STUDY, P_MAX, "high", "number"),
     (STUDY, P_MAX, float("nan"), "finite"),
     (STUDY, ("frames",), [0.0, 60.5], "up to actuation_pressure_max = 60"),
@@ -196,6 +199,9 @@ MISTAKES = [
     (DEVICE, (*PATTERN, "seams", "fractions"), {10: [0.0, 1.0]}, "off the axis"),
     (DEVICE, (*PATTERN, "seams", "fractions"), {8: [0.5, 1.0]}, "on the axis"),
     (DEVICE, (*PATTERN, "seams", "fractions"), {9: [0.5]}, "even"),
+    (DEVICE, (*PATTERN, "valve"), DELETE, "(0, 0)"),
+    (DEVICE, (*PATTERN, "seams"), DELETE, "pouch_array and seams together"),
+    (DEVICE, (*PATTERN, "pouch_array"), DELETE, "pouch_array and seams together"),
 ]
 
 

@@ -1,4 +1,7 @@
-"""What the Snakefile imports and what planning takes: no library of meshes, solvers or figures, which would take seconds."""
+"""What the Snakefile imports and what planning takes: no library of meshes, solvers or figures, which would take seconds.
+
+Nor does a solve import what most solves have no use for.
+"""
 
 from __future__ import annotations
 
@@ -26,3 +29,10 @@ def test_planning_loads_none_of_the_heavy_libraries(root):
     loaded = set(done.stdout.split())
     assert {"limo", "pydantic", "yaml"} <= loaded
     assert not HEAVY & loaded
+
+
+def test_a_solve_loads_no_search_of_neighbours_before_it_needs_one(root):
+    """It carries a state to another mesh; importing it takes a tenth of a second."""
+    code = "import sys, limo.solve.case, limo.engines.newton.iteration\nprint('scipy.spatial' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], cwd=root, capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["False"]

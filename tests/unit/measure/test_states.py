@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from limo.measure.states import folded_otherwise, lowest, state_variables
+from limo.measure.states import folded_otherwise, lowest, remarked, state_variables
 
 POUCHES = [4, 6, 8, 10]
 
@@ -67,3 +67,11 @@ def test_a_second_solution_can_clear_a_device():
 
 def test_two_devices_have_no_median():
     assert folded_otherwise(study([[-1010], [-800]])) == []
+
+
+def test_what_is_remarked_on_cases_is_said_once_with_its_number_of_cases():
+    dims = ("n_pouches",)
+    dataset = xr.Dataset({"case_remarks": (dims, np.array(["layers pass: on 3 %; V_a below: -7 ml", "layers pass: on 5 %", ""]))})
+    assert remarked(dataset) == ["layers pass, in 2 of 3 cases", "V_a below, in 1 of 3 cases"]
+    assert remarked(dataset.isel(n_pouches=0)) == ["layers pass: on 3 %", "V_a below: -7 ml"]
+    assert remarked(dataset.drop_vars("case_remarks")) == [], "of a dataset from before remarks were kept"

@@ -10,6 +10,7 @@ from limo.errors import ResultError
 from limo.reports.cluster import read_cluster
 from limo.reports.entry import read_entry
 from limo.reports.overhead import COLUMNS, read_overhead
+from limo.reports.peer import read_peer
 from limo.reports.performance import measurements, read_measurements, record, report
 from limo.schema.study import Study
 from limo.store.files import write_json
@@ -70,6 +71,7 @@ def test_the_report_judges_changes_and_targets_by_the_numbers(tmp_path, measured
         overhead,
         read_entry(tmp_path / "entry.csv"),
         read_cluster(tmp_path / "no.csv"),
+        read_peer(tmp_path / "no.csv"),
     )
     verdict = {n: next(line for line in text.splitlines() if f"| {n} |" in line).split("|")[-2].strip() for n in variants}
     assert verdict == {"faster": "yes", "wrong": "no", "slower": "no"}

@@ -4,8 +4,22 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from limo.mechanics.build import build_model
+from limo.mechanics.volumes import volumes
+from limo.mesh.layers import LAYERS
 from limo.schema.solver import Limits
-from limo.solve.judge import Checks, energy_created, gave_way, largest_jump, unbelievable, verdict
+from limo.solve.judge import (
+    Checks,
+    energy_created,
+    gave_way,
+    largest_jump,
+    layers_passed,
+    pouch_volumes,
+    remarks,
+    unbelievable,
+    verdict,
+)
+from tests.helpers.cases import small_mesh
 
 GOOD = {
     "largest_displacement": 0.3, "smallest_volume_ratio": 0.9, "smallest_thickness": 0.95, "residual": 1e-3,
@@ -149,3 +163,81 @@ def test_a_path_that_ended_with_its_fabric_says_so(status, thickness, said):
 def test_limits_are_the_configurations():
     assert verdict("converged", "", Checks(**GOOD), Limits(viscous_share=1e-4))[0] == "degraded"
     assert verdict("converged", "", Checks(**(GOOD | {"viscous_share": 0.9})), Limits(viscous_share=1.0))[0] == "converged"
+
+
+# --------------------------------------------------------------------------------------------------------------------
+# states that lock, and what is not physical
+
+
+@pytest.mark.parametrize(
+    ("share", "elements", "status", "remarked"),
+    [
+        (0.52, 4.6, "degraded", False),
+        (0.3, 4.6, "converged", True),
+        (0.1, 4.6, "converged", False),
+        (0.52, 6.4, "converged", False),
+    ],
+)
+def test_a_state_that_locks_is_degraded_and_a_coarse_one_is_remarked(share, elements, status, remarked):
+    """Shares of the device at N_p = 10 straight up and N_p = 4 on `preview`, of a fine mesh, and of fabric that is thick."""
+    checks = Checks(**GOOD, compression_share=share, elements_a_wrinkle=elements)
+    said, reason = verdict("converged", "", checks, Limits())
+    assert said == status
+    assert ("52%" in reason and "fit_via" in reason) == (status == "degraded")
+    assert [text.split(":")[0] for text in remarks(checks, Limits())] == ["coarse for its wrinkles"] * remarked
+
+
+@pytest.mark.parametrize(("below", "status"), [(0.037, "converged"), (0.19, "degraded")])
+def test_a_pouch_sheet_on_the_wrong_side_is_named_and_degraded_where_that_is_gross(below, status):
+    checks = Checks(**GOOD, actuation_at_rest=-33.1, actuation_below=below, actuation_below_range=0.08)
+    said, reason = verdict("converged", "", checks, Limits())
+    named = remarks(checks, Limits())
+    assert said == status
+    assert ("-33.1 ml" in reason, len(named)) == ((True, 0) if status == "degraded" else (False, 1))
+
+
+def test_layers_that_pass_each_other_are_named_and_degraded_where_contact_should_keep_them_apart():
+    passed = {"endo_epi_passed": 0.3, "front_back_passed": 0.005}
+    free, held = Checks(**GOOD, **passed), Checks(**GOOD, **passed, in_contact=("front_back", "endo_epi"))
+    assert verdict("converged", "", free, Limits())[0] == "converged"
+    assert remarks(free, Limits()) == [
+        "endocardium and epicardium pass each other: on 30% of their area, without contact between them"
+    ]
+    status, reason = verdict("converged", "", held, Limits())
+    assert (status, remarks(held, Limits())) == ("degraded", [])
+    assert "endocardium and epicardium pass each other in spite of contact" in reason
+    assert "front and back" not in reason
+
+
+@pytest.mark.parametrize(("smallest", "count"), [(0.2, 0), (0.03, 1), (-0.1, 0)])
+def test_a_ventricle_that_is_nearly_empty_is_named(smallest, count):
+    assert len(remarks(Checks(**GOOD | {"smallest_ventricle": smallest}), Limits())) == count
+
+
+def test_the_states_of_a_device_are_measured(make_case):
+    """A device whose epicardium is pressed through its endocardium, and as it should be: V_a and the layers say so."""
+    case = make_case()
+    model = build_model(case, small_mesh(case, 9000, "quarter"))
+    mesh = model.mesh
+    rest = mesh.nodes + [0.0, 0.0, 1.0] * np.where(mesh.on_outer, 0.0, 5.0)[:, None]
+    epi = np.unique(mesh.quads[mesh.layer == LAYERS.index("epi")])
+    epi = epi[~mesh.on_seam[epi]]
+    found = {}
+    for name, height in (("right", 3.0), ("wrong", -3.0)):
+        places = rest.copy()
+        places[epi, 2] += height
+        vv, va = volumes(mesh, places)
+        path = xr.Dataset(
+            {"ventricle_volume": ("increment", [vv / 1e3] * 3), "actuation_volume": ("increment", [va / 1e3, va / 2e3, 5.0])},
+            coords={"actuation_pressure": ("increment", [0.0, 5.0, 10.0])},
+        )
+        found[name] = pouch_volumes(model, path) | layers_passed(model, [places, rest])
+    right, wrong = found["right"], found["wrong"]
+    assert right["actuation_below"] == right["actuation_below_range"] == right["endo_epi_passed"] == 0.0
+    assert wrong["actuation_below"] > 0.01
+    assert wrong["actuation_below_range"] == 0.5
+    assert wrong["endo_epi_passed"] > 0.3
+    assert right["front_back_passed"] == wrong["front_back_passed"] == 0.0
+    assert right["in_contact"] == ()
+    sunk = layers_passed(model, [rest * [1, 1, -1]])
+    assert sunk["front_back_passed"] > 0.8

@@ -85,5 +85,5 @@ def progress(folder: Path, numerics: Numerics, actuation_pressure_max: float) ->
 
 
 def share_done(numerics: Numerics, actuation_pressure_max: float, clock: np.ndarray, actuation_pressure: np.ndarray) -> float:
-    """Share of the ramp: there is no time."""
-    return float(actuation_pressure[-1]) / actuation_pressure_max
+    """Share of the ramp: there is no time. All of it where there is no ramp."""
+    return float(actuation_pressure[-1]) / actuation_pressure_max if actuation_pressure_max else 1.0

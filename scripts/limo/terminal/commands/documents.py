@@ -52,6 +52,7 @@ def add_performance(commands: arguments.Commands) -> None:
     compared = doing.add_parser("beside", help="compare imports, planning and help with another checkout; both are set up")
     compared.add_argument("other", type=Path, metavar="CHECKOUT", help="folder of the other checkout")
     compared.add_argument("--tests", action="store_true", help="time `make test` in both instead, once")
+    compared.add_argument("--solve", action="store_true", help="time what a solve by engine newton imports instead, part by part")
     swept = doing.add_parser(
         "cluster", help="measure what a sweep on a cluster takes beside its solves; its node is this machine"
     )
@@ -67,6 +68,8 @@ def add_performance(commands: arguments.Commands) -> None:
         )
     for part in (compared, printed):
         part.add_argument("--entry", type=Path, default=Path("docs/data/entry.csv"), help="its table (default: %(default)s)")
+    peer = Path("docs/data/peer.csv")
+    printed.add_argument("--peer", type=Path, default=peer, help="table of scripts/peer/kratos.py (default: %(default)s)")
     for part in (timed, printed):
         part.add_argument(
             "--overhead", type=Path, default=Path("docs/data/overhead.csv"), help="its table (default: %(default)s)"
@@ -75,8 +78,9 @@ def add_performance(commands: arguments.Commands) -> None:
 
 def _performance(chosen: argparse.Namespace) -> None:
     from limo.reports import cluster
-    from limo.reports.entry import compare, compare_tests, entry_table, keep, read_entry
+    from limo.reports.entry import compare, compare_solve_imports, compare_tests, entry_table, keep, read_entry
     from limo.reports.overhead import read_overhead, record_overhead
+    from limo.reports.peer import read_peer
     from limo.reports.performance import read_measurements, record_batch, report
 
     if chosen.doing == "record":
@@ -84,7 +88,8 @@ def _performance(chosen: argparse.Namespace) -> None:
     elif chosen.doing == "overhead":
         print(record_overhead(Path(chosen.config), chosen.overhead))
     elif chosen.doing == "beside":
-        rows = (compare_tests if chosen.tests else compare)(Path.cwd(), chosen.other.resolve())
+        measure = compare_tests if chosen.tests else compare_solve_imports if chosen.solve else compare
+        rows = measure(Path.cwd(), chosen.other.resolve())
         keep(rows, chosen.entry)
         print(entry_table(rows))
     elif chosen.doing == "cluster":
@@ -92,7 +97,7 @@ def _performance(chosen: argparse.Namespace) -> None:
         print(cluster.cluster_table(cluster.keep(rows, chosen.cluster)))
     else:
         measured = read_overhead(chosen.overhead), read_entry(chosen.entry), cluster.read_cluster(chosen.cluster)
-        print(report(read_measurements(chosen.table), *measured), end="")
+        print(report(read_measurements(chosen.table), *measured, read_peer(chosen.peer)), end="")
 
 
 def add_paper_check(commands: arguments.Commands) -> None:
