@@ -13,6 +13,7 @@ from limo.cases.case import Case
 from limo.cases.grid import StudyGrid, study_grid
 from limo.config.project import Project
 from limo.datasets.curves import curves, efficiency_reason
+from limo.datasets.cycles import gather_cycles
 from limo.datasets.gather import GridArrays, Member, members
 from limo.datasets.measures import gather_measures
 from limo.datasets.provenance import study_attributes
@@ -47,6 +48,8 @@ def gather_study(project: Project, name: str, case_folder: Path, sources: Sequen
     dataset = dataset.merge(state_variables(dataset))
     if grid.cross_checks:
         dataset = dataset.merge(_gather_checks(dataset, grid, others, case_folder))
+    if grid.study.actuation:
+        dataset = dataset.merge(gather_cycles(grid.cases, grid.axes, case_folder, own_sources, pressures))
     if grid.study.measures:
         measured = gather_measures(project, name, case_folder, own_sources)
         dataset = dataset.merge(measured).assign_attrs(measured.attrs)

@@ -1,0 +1,76 @@
+"""What a load cycle says: the curves of its legs, the energy that it takes, and what it leaves behind.
+
+Legs are counted from the ramp, 0, to the points of the cycle, 1, 2, ... Along a leg
+
+    W_a = int P_a dV_a,   W_v = int P_v dV_v,   D = W_a + W_v - Delta U
+
+with the volumes that the pressures' work is conjugate to (``limo.mechanics.energy``). A quasi-static path takes energy where it
+snaps; the loop that V_a makes over P_a has the area of W_a over a closed cycle. Pressures in kPa, volumes in ml, energies in mJ.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+
+from limo.measure.ramp import ramp_of
+
+#: pressures (kPa) closer than this are the same
+CLOSE = 1e-6
+
+
+def legs_of(history: xr.Dataset) -> list[xr.Dataset]:
+    """The increments of each leg, from the last one of the leg before on; the ramp begins at rest. Empty without rest."""
+    ramp = ramp_of(history)
+    if not ramp.sizes["increment"]:
+        return []
+    legs, number = [ramp], history.leg.values
+    for k in range(1, int(number.max(initial=0)) + 1):
+        own = np.flatnonzero(number == k)
+        if len(own):
+            legs.append(history.isel(increment=np.append(own[0] - 1, own)))
+    return legs
+
+
+def leg_curves(leg: xr.Dataset, pressures: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """V_v and V_a (n,) in ml at P_a ``pressures`` (n,) of a leg; NaN beyond its P_a, or where that stays."""
+    pressure = leg.actuation_pressure.values
+    if abs(pressure[-1] - pressure[0]) < CLOSE:
+        return np.full(len(pressures), np.nan), np.full(len(pressures), np.nan)
+    order = slice(None) if pressure[-1] > pressure[0] else slice(None, None, -1)
+    pressure = pressure[order]
+    at = np.where(np.isclose(pressures, pressure[-1], atol=CLOSE), pressure[-1], pressures)
+    ends = {"left": np.nan, "right": np.nan}
+    return tuple(np.interp(at, pressure, leg[n].values[order], **ends) for n in ("ventricle_volume", "actuation_volume"))
+
+
+def leg_energies(leg: xr.Dataset, ventricular_pressure: float) -> tuple[float, float, float]:
+    """W_a, W_v and D (mJ) of a leg; ``ventricular_pressure`` where its increments do not say theirs."""
+    p_a = leg.actuation_pressure.values
+    p_v = leg.ventricular_pressure.values if "ventricular_pressure" in leg else np.full(len(p_a), ventricular_pressure)
+    works = [
+        float(np.trapezoid(p, leg[name].values))
+        for p, name in ((p_a, "actuation_volume_conjugate"), (p_v, "ventricle_volume_conjugate"))
+    ]
+    stored = leg.strain_energy.values
+    return works[0], works[1], sum(works) - float(stored[-1] - stored[0])
+
+
+def closed_cycles(points: list[tuple[float, float]]) -> list[tuple[int, int]]:
+    """First and last leg of each stretch of a load that comes back to its first point, from points (P_v, P_a) of all legs' ends.
+
+    ``points`` begins with the state at rest, which leg 0 leaves.
+    """
+    found, first = [], 0
+    for k in range(1, len(points)):
+        if k > first + 1 and np.allclose(points[k], points[first], atol=CLOSE):
+            found.append((first, k - 1))
+            first = k
+    return found
+
+
+def distance(curve: np.ndarray, other: np.ndarray) -> float:
+    """Relative L2 distance of a curve (n,) to another one where both are known; NaN without such a place."""
+    both = np.isfinite(curve) & np.isfinite(other)
+    size = np.linalg.norm(other[both])
+    return float(np.linalg.norm((curve - other)[both]) / size) if both.any() and size > 0 else float("nan")
