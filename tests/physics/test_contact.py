@@ -106,7 +106,11 @@ def test_layers_pass_each_other_by_less_than_a_twentieth_of_the_thickness(case, 
     # a crease on so coarse a mesh folds single elements of the edge inside themselves, and then their points face all ways
     whole = contact.facing(places).all(axis=1)
     assert min(plane.min(initial=0.0), pairs[whole].min()) > -0.05 * thickness
-    assert (pairs[whole] < model.contact.reach).mean() > 0.3, "most layers touch"
+    near = pairs[whole] < model.contact.reach
+    assert near.mean() > 0.3, "most layers touch"
+    lower, upper = (np.einsum("gn,mnk->mgk", contact.values, places[q]) for q in (model.contact.lower, model.contact.upper))
+    apart = np.linalg.norm(upper - lower, axis=-1)[whole][near]
+    assert np.quantile(apart, 0.99) < 0.5 * model.contact.span, "where layers touch, contact does not fade"
     assert residual(model, u, path.pressure[-1], precision="float64").full < 1e-3, "said by the independent check"
 
 

@@ -175,7 +175,14 @@ def everything(tmp_path_factory: pytest.TempPathFactory) -> Project:
         project.study(
             "tiny",
             device="limo_2025",  # its pattern has good elements on so coarse a mesh
-            axes={"n_pouches": [4], "ventricular_pressure": [3.8], "width_scale": [0.9]},
+            axes={
+                "n_pouches": [4],
+                "ventricular_pressure": [3.8],
+                "width_scale": [0.9],
+                "fabric_angle": [0],
+                "bending_factor": [1],
+            },
+            material={"weave": {"warp_modulus": 280, "weft_modulus": 250, "poisson_ratio": 0.3, "shear_modulus": 90}},
             engine="newton",
             variants={"plain": {}},
             branches=2,

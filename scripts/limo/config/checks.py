@@ -313,9 +313,9 @@ def check_without_pouches(path: Path, study: Study, settings: Mapping[str, Setti
         expected = "volumes alone with n_pouches: [0]"
         raise ConfigError(path, "outputs", study.outputs, expected, "outputs: [volumes]")
     for name, setting in settings.items():
-        if setting.engine != "newton":
-            key = f"variants.{name}.engine" if name else "engine"
-            raise ConfigError(path, key, setting.engine, "newton with n_pouches: [0]", "engine: newton")
+        if not find_engine(setting.engine).WITHOUT_RAMP:
+            key, able = f"variants.{name}.engine" if name else "engine", [e for e in ENGINES if find_engine(e).WITHOUT_RAMP]
+            raise ConfigError(path, key, setting.engine, f"{able[0]} with n_pouches: [0]", f"engine: {able[0]}")
 
 
 def check_measured(path: Path, study: Study) -> None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import xarray as xr
 
-from limo.cases.grid import GridPoint
+from limo.cases.grid import OWN, GridPoint
 from limo.schema.study import Study
 from limo.store.statuses import ENDED, MISSING
 
@@ -95,11 +95,10 @@ def describe_axes(dataset: xr.Dataset) -> xr.Dataset:
 
 def on_axes(dataset: xr.Dataset, study: Study) -> xr.Dataset:
     """The same without the dimensions ``variant``, ``branch`` and those of a device's own where the study does not vary them."""
-    own = ("width_scale", "fabric_angle", "bending_factor")
-    fixed = {name: getattr(study.axes, name) is None for name in own}
+    fixed = {name: getattr(study.axes, name) is None for name in OWN}
     fixed |= {"variant": not study.variants, "branch": dataset.sizes["branch"] == 1}
     dataset = dataset.isel({dim: 0 for dim, one in fixed.items() if one})
-    dataset = dataset.drop_vars([name for name in own[1:] if fixed[name]])
+    dataset = dataset.drop_vars([name for name in OWN if fixed[name] and name != "width_scale"])  # which datasets always had
     return dataset if study.variants else dataset.drop_vars("variant")
 
 

@@ -80,6 +80,8 @@ class Engine(Protocol):
     LARGE_FILES: tuple[str, ...]
     #: whether layers may touch in what it solves
     CONTACT: bool
+    #: whether it solves devices that only rest, without a ramp
+    WITHOUT_RAMP: bool
 
     def takes(self, element: Element) -> bool:
         """Whether it solves models of an element."""

@@ -72,9 +72,8 @@ def endo_through_epi(mesh: DeviceMesh, points: np.ndarray, thickness: float) -> 
     if contact is None:
         return np.empty((0, 3))
     touching = Touching(contact, mesh.nodes)
-    _, gaps = touching.gaps(points)
     places = np.einsum("gn,mnk->mgk", touching.values, points[contact.lower])
-    return places[(gaps < -thickness) & touching.facing(points)]
+    return places[touching.passed(points, thickness)[1]]
 
 
 def front_through_back(mesh: DeviceMesh, points: np.ndarray, thickness: float) -> np.ndarray:

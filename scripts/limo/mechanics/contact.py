@@ -13,8 +13,8 @@ and tangent are exact. The contact acts as a pressure p = -psi'(g) on both layer
 so that the tangent has no jump: with one, layers that lie on each other open and close from iteration to iteration. Points that
 are far from each other do not touch, whatever the mean of their tangents says: beside a seam that is wide open it vanishes. So w
 falls smoothly from one to zero between three and six thicknesses, by a polynomial with two continuous slopes. Layers that touch
-are less than one thickness from each other, and in creases up to three. Layers that have slid further pass each other. In models
-with the plane of symmetry z = 0 the inner layers have it for their other surface: g = z, whatever they slide.
+are nearer to each other (a test). Layers that have slid further pass each other. In models with the plane of symmetry z = 0 the
+inner layers have it for their other surface: g = z, whatever they slide.
 
 r is a stated share of the thickness, and k is 100 kPa over r, by which layers then pass each other. It is the same for all
 P_a,max, so that a case that goes further passes through the same states. What is left of gap and penetration is proportional
@@ -119,10 +119,18 @@ class Touching:
 
     def gaps(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """g in mm at places x (n, 3): of the plane (p, g), and of pairs (q, g)."""
-        return np.einsum("gn,mn->mg", self.values, x[self.contact.plane, 2]), self._gaps(*self._parts(x, slice(None)))
+        return self._of_plane(x), self._of_pairs(*self._parts(x))
 
-    def _gaps(self, delta: np.ndarray, first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    def _of_plane(self, x: np.ndarray) -> np.ndarray:
+        return np.einsum("gn,mn->mg", self.values, x[self.contact.plane, 2])
+
+    def _of_pairs(self, delta: np.ndarray, first: np.ndarray, second: np.ndarray) -> np.ndarray:
         return np.einsum("mgk,mgk->mg", delta, np.cross(first, second)) / self.pair_area
+
+    def passed(self, x: np.ndarray, by: float) -> tuple[np.ndarray, np.ndarray]:
+        """Which points of the plane (p, g) and of pairs (q, g) that face the same way have passed by more than ``by`` mm."""
+        plane, pairs = self.gaps(x)
+        return plane < -by, (pairs < -by) & self.facing(x)
 
     def facing(self, x: np.ndarray) -> np.ndarray:
         """Whether both layers of pairs (q, g) face the same way."""
@@ -133,9 +141,9 @@ class Touching:
         """a_1 and a_2 (q, g, 3) of quadrilaterals with nodes (q, 8, 3)."""
         return tuple(np.einsum("gn,mnk->mgk", slope, nodes) for slope in self.slopes)
 
-    def _parts(self, x: np.ndarray, pairs: np.ndarray | slice) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """delta, a_1 and a_2 (q, g, 3) of some pairs."""
-        lower, upper = x[self.contact.lower[pairs]], x[self.contact.upper[pairs]]
+    def _parts(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """delta, a_1 and a_2 (q, g, 3) of pairs."""
+        lower, upper = x[self.contact.lower], x[self.contact.upper]
         return np.einsum("gn,mnk->mgk", self.values, upper - lower), *self._tangents(0.5 * (lower + upper))
 
     def _near(self, gaps: np.ndarray, weights: np.ndarray) -> np.ndarray:
@@ -144,16 +152,16 @@ class Touching:
 
     def energy(self, x: np.ndarray) -> float:
         """Pi_c in N mm at places x (n, 3)."""
-        contact, parts = self.contact, self._parts(x, slice(None))
+        contact, parts = self.contact, self._parts(x)
         weight, _ = contact.weight((parts[0] ** 2).sum(axis=-1))
-        plane, pairs = self.gaps(x)[0], self._gaps(*parts)
+        plane, pairs = self._of_plane(x), self._of_pairs(*parts)
         of_plane = self.plane_area * contact.energy(plane)
         return float(of_plane.sum() + (self.pair_area * self.weights * weight * contact.energy(pairs)).sum())
 
     def forces(self, x: np.ndarray) -> np.ndarray:
         """dPi_c / dx (n, 3) in N: what the contact adds to the internal forces."""
-        total, contact, (delta, first, second) = np.zeros(x.shape), self.contact, self._parts(x, slice(None))
-        plane, pairs = self.gaps(x)[0], self._gaps(delta, first, second)
+        total, contact, (delta, first, second) = np.zeros(x.shape), self.contact, self._parts(x)
+        plane, pairs = self._of_plane(x), self._of_pairs(delta, first, second)
         weight, slope = contact.weight((delta**2).sum(axis=-1))
         pushed = -np.einsum("gn,mg->mn", self.values, self.plane_area * contact.pressure(plane))
         np.add.at(total[:, 2], self.contact.plane, pushed)

@@ -84,12 +84,14 @@ class LayerState:
         return von_mises(self.cauchy)
 
 
-def layer_state(model: Model, displacements: np.ndarray, local: np.ndarray, source: object = "frame") -> LayerState:
+def layer_state(
+    model: Model, displacements: np.ndarray, local: np.ndarray, source: object = "frame", *, checked: bool = True
+) -> LayerState:
     """The layer under ``displacements`` (n, 3) in mm at local points (g, 3).
 
     ``n`` is at least the number of brick nodes; ``source`` is the file that errors name. Raises ``ResultError`` for
-    displacements that are missing or not numbers and for elements turned inside out (det F <= 0), naming the first; with None
-    as ``source`` these are not looked for.
+    displacements that are missing or not numbers and, if ``checked``, for elements turned inside out (det F <= 0), naming the
+    first.
     """
     layer = model.expansion
     count = len(layer.nodes)
@@ -107,8 +109,8 @@ def layer_state(model: Model, displacements: np.ndarray, local: np.ndarray, sour
     if model.element.plane_stress:
         axes = shell.layer_axes(model, local)
         deformation = shell.thinned(model, deformation @ axes) @ np.swapaxes(axes, -1, -2)
-    determinant = np.linalg.det(deformation).min(axis=1) if source is not None else np.ones(1)
-    if (determinant <= 0).any():
+    determinant = np.linalg.det(deformation).min(axis=1)
+    if checked and (determinant <= 0).any():
         element = int(np.argmin(determinant))
         raise ResultError(
             f"{source}: {int((determinant <= 0).sum())} elements turned inside out, worst {element_label(model.mesh, element)} "
@@ -147,7 +149,8 @@ def surface_state(model: Model, displacements: np.ndarray, source: object = "fra
     for factor in scaled:
         own, root = factors == factor, float(factor) ** 0.5
         for deformation, height in ((outside, 1 / root), (inside, root)):
-            deformation[own] = layer_state(model, displacements, surface_points(height), None).deformation[own]
+            there = layer_state(model, displacements, surface_points(height), source, checked=False)
+            deformation[own] = there.deformation[own]
     law = *moduli(model), model.stiffness
     return BentState(outside, *law, LayerState(inside, *law), np.sqrt(factors))
 

@@ -28,6 +28,7 @@ import numpy as np
 
 from limo.mechanics.layer import flat_areas
 from limo.mechanics.model import KPA, Model
+from limo.mechanics.shell import axes_of
 from limo.mesh.elements import gauss, quad8_shape
 
 #: how often strains are averaged over an element and those that share a corner with it
@@ -39,18 +40,12 @@ def membrane_strain(model: Model, points: np.ndarray) -> tuple[np.ndarray, np.nd
 
     At the 2 x 2 Gauss points, along two axes in the sheet before it is loaded; x first.
     """
-    local, weights = gauss(2, 2)
-    _, slopes = quad8_shape(local)
+    _, slopes = quad8_shape(gauss(2, 2)[0])
     before, now = (np.einsum("gnd,mnk->mgkd", slopes, x[model.mesh.quads]) for x in (model.mesh.nodes, points))
-    normal = np.cross(before[..., 0], before[..., 1])
-    jacobian = np.linalg.norm(normal, axis=-1, keepdims=True)
-    normal /= jacobian
-    first = np.eye(3)[0] - normal * normal[..., :1]
-    first /= np.linalg.norm(first, axis=-1, keepdims=True)
-    axes = np.stack([first, np.cross(normal, first)], axis=-2)
-    gradient = now @ np.linalg.inv(axes @ before)
+    along = np.swapaxes(axes_of(before)[..., :2], -1, -2)
+    gradient = now @ np.linalg.inv(along @ before)
     strain = 0.5 * (np.swapaxes(gradient, -1, -2) @ gradient - np.eye(2))
-    area = jacobian[..., 0] * weights
+    area = flat_areas(model.mesh)
     return np.einsum("mgij,mg->mij", strain, area) / area.sum(axis=1)[:, None, None], area.sum(axis=1)
 
 

@@ -141,8 +141,8 @@ class Sheet(Elastic):
     @model_serializer(mode="wrap")
     def _without_what_is_usual(self, plain: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
         """Plain data are as they were before the keys came that are left at what they stand for."""
-        data, usual = plain(self), {"weave": None, "bending_factor": 1.0, "pouch_sheet": None}
-        return {key: value for key, value in data.items() if key not in usual or value != usual[key]}
+        usual = {key: field.default for key, field in type(self).model_fields.items() if not field.is_required()}
+        return {key: value for key, value in plain(self).items() if key not in usual or value != usual[key]}
 
 
 class Material(Sheet):

@@ -40,7 +40,7 @@ NO_EQUILIBRIUM = 10.0
 FRAMES = 5
 #: elements a wrinkle from which a mesh follows wrinkles: compression at rest is then what the fabric can carry
 FOLLOWED = 5.5
-#: compression share from which a mesh is remarked to be coarse for its wrinkles; docs/reliability.md has measured values
+#: compression share from which a mesh is remarked to be coarse for its wrinkles
 COARSE = 0.12
 #: elements a wrinkle below which it is in any case
 FEW = 1.25
@@ -158,16 +158,10 @@ def layers_passed(model: Model, ends: list[np.ndarray]) -> dict:
             continue
         touching = Touching(contact, mesh.nodes)
         areas = np.vstack([touching.plane_area, touching.pair_area * touching.weights])
-        shares = [areas[_passed(touching, points, thickness)].sum() / areas.sum() for points in ends]
+        shares = [areas[np.vstack(touching.passed(points, thickness))].sum() / areas.sum() for points in ends]
         passed[f"{pair}_passed"] = float(max(shares))
     wanted = model.numerics.contact
     return passed | {"in_contact": tuple(pair for pair in PAIRS if model.contact is not None and getattr(wanted, pair))}
-
-
-def _passed(touching: Touching, points: np.ndarray, thickness: float) -> np.ndarray:
-    """Points of the plane and of pairs (p + q, g) that have passed by more than the thickness; pairs must face the same way."""
-    plane, pairs = touching.gaps(points)
-    return np.vstack([plane < -thickness, (pairs < -thickness) & touching.facing(points)])
 
 
 def largest_jump(ramp: xr.Dataset) -> float:

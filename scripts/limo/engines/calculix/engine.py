@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 NAME = "calculix"
 LARGE_FILES = ("*.frd", "*.dat", "*.12d", "*.eig", "spooles.out")
 CONTACT = False
+WITHOUT_RAMP = False
 #: increments of a sample, of some iterations each
 SAMPLED = 1
 

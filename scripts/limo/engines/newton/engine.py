@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 NAME = "newton"
 LARGE_FILES = ()
 CONTACT = True
+WITHOUT_RAMP = True
 #: iterations of a sample
 SAMPLED = 5
 
