@@ -62,7 +62,8 @@ def moved(model, pressure):
     return np.stack([0.03 * s * x, 0.01 * s * y, (0.2 + s) * height - 0.01 * s * z], axis=1)
 
 
-def write_case(folder, model, displacements):
+def write_case(folder, model, displacements, cycle=()):
+    """``displacements`` by P_a; ``cycle``: lists of displacements by the leg of a cycle."""
     folder.mkdir(parents=True, exist_ok=True)
     pressures = list(displacements)
     p = np.unique(np.concatenate([np.linspace(0, 60, 121), 20 + np.linspace(0, 0.2, 5)]))
@@ -84,6 +85,10 @@ def write_case(folder, model, displacements):
             "event_pressure": (("event", "end"), [[20.1, 20.15]]),
         },
     )  # fmt: skip
+    if cycle:
+        legs = [(leg, state) for leg, states in cycle.items() for state in states]
+        frames["cycle_leg"] = "cycle_frame", [leg for leg, _ in legs]
+        frames["cycle_displacement"] = ("cycle_frame", "node", "axis"), np.array([u for _, u in legs], np.float32)
     frames.to_netcdf(folder / "frames.nc")
     write_json(folder / "status.json", {"status": "converged", "reason": ""})
 

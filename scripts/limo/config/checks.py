@@ -21,7 +21,7 @@ from limo.schema.accuracy import Airbag
 from limo.schema.config import PRESET_KEYS, Config
 from limo.schema.device import Device, Material, Pattern
 from limo.schema.element import element as find_element
-from limo.schema.figures import FIGURES, MEASURED, NEEDS
+from limo.schema.figures import FIGURES, MEASURED, NEEDS, OF_CYCLES
 from limo.schema.numerics import MeshLevel, Numerics
 from limo.schema.section import ENGINES, ElementName
 from limo.schema.solver import Rung
@@ -291,6 +291,9 @@ def check_figures(path: Path, study: Study) -> None:
         if (needed := NEEDS.get(figure, "volumes")) not in ("volumes", *study.outputs):
             expected = f"{needed} among them, which the figure {figure} shows"
             raise ConfigError(path, "outputs", study.outputs, expected, f"outputs: [volumes, {needed}]")
+        if figure in OF_CYCLES and not study.actuation:
+            expected = f"the way of the load beyond the ramp, which the figure {figure} shows"
+            raise ConfigError(path, "actuation", study.actuation, expected, 'actuation: [0, "max", 0]')
     check_measured(path, study)
 
 

@@ -12,7 +12,7 @@ from limo.cases.grid import study_grid
 from limo.config.project import Project
 from limo.datasets.gather import GridArrays, Member, frame_labels, members
 from limo.measure.contact import CONTACTS
-from limo.measure.quantities import FRAME, LABELS, MEASURES, Measure
+from limo.measure.quantities import FRAME, LABELS, Measure, chosen_measures
 from limo.schema.pressures import is_beyond, reaches, same_pressure
 from limo.schema.study import Study
 from limo.store.files import UNREADABLE
@@ -27,7 +27,7 @@ def gather_measures(project: Project, name: str, case_folder: Path, sources: Seq
     """
     grid = study_grid(project, name)
     study, entries = grid.study, frame_labels([*grid.study.frames, *grid.study.fields_at])
-    chosen = {n: m for n, m in MEASURES.items() if not m.output or m.output in study.measures}
+    chosen = chosen_measures(study.measures, bool(study.actuation))
     arrays = GridArrays(grid.axes)
     sizes = {"frame": len(entries)} | {d: len(v) for d, (_, v, _) in LABELS.items()}
     for n, m in chosen.items():

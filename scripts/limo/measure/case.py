@@ -20,9 +20,10 @@ from limo.cases.wanted import Wanted
 from limo.errors import LimoError, ResultError
 from limo.measure.buckling import MOST_EVENTS, displacement_difference, events, largest_events
 from limo.measure.contact import CONTACTS, endo_through_epi, first_contact, front_through_back, outer_through_outer
-from limo.measure.fatigue import ENDURANCE, FLAGS, cycles_to_failure, largest_amplitude
+from limo.measure.cycles import states_of_last_cycle
+from limo.measure.fatigue import ENDURANCE, FLAGS, cycles_to_failure, largest_amplitude, strain_cycle
 from limo.measure.frames import CaseFrames, open_case
-from limo.measure.quantities import LABELS, MEASURES
+from limo.measure.quantities import LABELS, MEASURES, chosen_measures
 from limo.measure.ramp import read_ramp
 from limo.measure.strain import (
     DEVICE_SIDES,
@@ -47,6 +48,7 @@ from limo.store.results import CaseFiles
 from limo.store.statuses import MEASURED, NOT_MEASURED
 
 log = logging.getLogger(__name__)
+_POINTS = ("element", "point")
 
 
 def measure_case(case: Case, wanted: Wanted, fatigue: Fatigue, mesh_file: Path, folder: Path) -> xr.Dataset:
@@ -91,7 +93,7 @@ class _Places:
 def _measure(model: Model, frames: CaseFrames, wanted: Wanted, fatigue: Fatigue, folder: Path) -> xr.Dataset:
     asked = sorted({p for pressures in wanted.pressures.values() for p in pressures})
     places = _Places.of_mesh(model.mesh, fatigue.seam_distance.value)
-    values = _empty_values(len(asked), wanted.outputs)
+    values = _empty_values(len(asked), wanted.outputs, bool(model.loading.cycle))
     if "stress" in wanted.outputs:
         weights = np.bincount(places.zone.ravel(), places.area.ravel(), minlength=len(ZONES))
         values["zone_share"][:] = weights / places.area.sum()
@@ -103,6 +105,8 @@ def _measure(model: Model, frames: CaseFrames, wanted: Wanted, fatigue: Fatigue,
         if not strained:
             raise ResultError(f"{frames.file}: none of the frames that fatigue asks for")
         dataset |= _fatigue(values, model.mesh, largest_amplitude(np.array(strained)), places.near_seam, fatigue)
+        if model.loading.cycle:
+            dataset |= _cycle_fatigue(values, model, frames, places.near_seam, fatigue)
     _contact(values, model, frames)
     dataset |= _buckling(values, model, frames, folder)
     dataset |= _as_maps(maps, places.distance, places.zone, places.area, flat_points(model.mesh))
@@ -112,13 +116,12 @@ def _measure(model: Model, frames: CaseFrames, wanted: Wanted, fatigue: Fatigue,
     return xr.Dataset(dataset, coords=coordinates | {"requested_pressure": frame})
 
 
-def _empty_values(n_frames: int, outputs: tuple[str, ...]) -> dict[str, np.ndarray]:
+def _empty_values(n_frames: int, outputs: tuple[str, ...], is_cycled: bool) -> dict[str, np.ndarray]:
     """An array without results for every quantity of the outputs: NaN, or empty texts."""
     sizes = {"frame": n_frames} | {d: len(v) for d, (_, v, _) in LABELS.items()}
     return {
         name: np.full([sizes[d] for d in measure.per], np.nan if measure.units else "", object)
-        for name, measure in MEASURES.items()
-        if not measure.output or measure.output in outputs
+        for name, measure in chosen_measures(outputs, is_cycled).items()
     }
 
 
@@ -199,21 +202,54 @@ def _yarns(values: dict, k: int, model: Model, strain: np.ndarray, stress: np.nd
 
 
 def _fatigue(values: dict, mesh, amplitude: np.ndarray, near_seam: np.ndarray, fatigue: Fatigue) -> dict:
-    areas = flat_areas(mesh)
     cycles, flags = cycles_to_failure(amplitude, fatigue)
-    weight, finite = areas[near_seam], np.where(np.isfinite(cycles), cycles, np.inf)[near_seam]
-    values["fatigue_amplitude_peak"][()] = top_average(amplitude[near_seam], weight)
-    values["fatigue_cycles_min"][()] = finite.min() if np.isfinite(finite.min()) else np.nan
-    weakest = area_quantile(finite, weight, 0.05)
-    values["fatigue_cycles_p05"][()] = weakest if np.isfinite(weakest) else np.nan
-    values["fatigue_endurance_share"][()] = weight[flags[near_seam] == ENDURANCE].sum() / weight.sum()
-    meanings = {"flag_values": np.arange(len(FLAGS), dtype=np.int8), "flag_meanings": " ".join(FLAGS)}
-    dims = ("element", "point")
+    values["fatigue_amplitude_peak"][()] = top_average(amplitude[near_seam], flat_areas(mesh)[near_seam])
     return {
-        "fatigue_amplitude": (dims, amplitude, {"units": "1", "long_name": "largest principal membrane strain of the inflation"}),
-        "fatigue_cycles": (dims, cycles, {"units": "1", "long_name": "cycles to failure, N_f; valid near seams only"}),
-        "fatigue_flag": (dims, flags, {"long_name": "what N_f means"} | meanings),
-        "near_seam": (dims, near_seam.astype(np.int8), {"long_name": "within seam_distance of a seam or the outer edge"}),
+        "fatigue_amplitude": (
+            _POINTS,
+            amplitude,
+            {"units": "1", "long_name": "largest principal membrane strain of the inflation"},
+        ),
+        **_life(values, mesh, "fatigue", cycles, flags, near_seam),
+        "near_seam": (_POINTS, near_seam.astype(np.int8), {"long_name": "within seam_distance of a seam or the outer edge"}),
+    }
+
+
+def _cycle_fatigue(values: dict, model: Model, frames: CaseFrames, near_seam: np.ndarray, fatigue: Fatigue) -> dict:
+    strains, stresses = [], []
+    for number, displacement in enumerate(states_of_last_cycle(model.loading, frames)):
+        state = surface_state(model, displacement.astype(float), f"{frames.file}, state {number} of the last cycle")
+        for kept, tensor in ((strains, state.strain), (stresses, state.second_piola)):
+            middle = inside_out(model.mesh, tensor)[:, 1]
+            kept.append(np.stack([middle[..., i, j] for i, j in ((0, 0), (1, 1), (0, 1))], axis=-1))
+    if not strains:
+        return {}
+    worst = strain_cycle(np.array(strains), np.array(stresses), fatigue.mean_correction)
+    cycles, flags = cycles_to_failure(worst.amplitude, fatigue, fatigue.mean_correction, worst.mean_stress, worst.largest_stress)
+    weight = flat_areas(model.mesh)[near_seam]
+    values["cycle_amplitude_peak"][()] = top_average(worst.amplitude[near_seam], weight)
+    values["cycle_mean_peak"][()] = top_average(worst.mean[near_seam], weight)
+    along = "in the direction of most damage, last closed cycle"
+    described = {
+        "cycle_strain_amplitude": (worst.amplitude, "1", f"amplitude of the membrane strain {along}"),
+        "cycle_strain_mean": (worst.mean, "1", f"mean of the membrane strain {along}"),
+        "cycle_mean_stress": (worst.mean_stress, "MPa", f"mean of the membrane stress {along}"),
+        "cycle_angle": (worst.angle, "degree", "angle of that direction to the circumference, on the flat pattern"),
+    }
+    fields = {n: (_POINTS, v, {"units": units, "long_name": text}) for n, (v, units, text) in described.items()}
+    return fields | _life(values, model.mesh, "cycle_fatigue", cycles, flags, near_seam)
+
+
+def _life(values: dict, mesh, name: str, cycles: np.ndarray, flags: np.ndarray, near_seam: np.ndarray) -> dict:
+    """Cycles to failure and flags of points, and what they come to near seams, under names that begin with ``name``."""
+    weight, finite = flat_areas(mesh)[near_seam], np.where(np.isfinite(cycles), cycles, np.inf)[near_seam]
+    for key, value in (("min", finite.min()), ("p05", area_quantile(finite, weight, 0.05))):
+        values[f"{name}_cycles_{key}"][()] = value if np.isfinite(value) else np.nan
+    values[f"{name}_endurance_share"][()] = weight[flags[near_seam] == ENDURANCE].sum() / weight.sum()
+    meanings = {"flag_values": np.arange(len(FLAGS), dtype=np.int8), "flag_meanings": " ".join(FLAGS)}
+    return {
+        f"{name}_cycles": (_POINTS, cycles, {"units": "1", "long_name": "cycles to failure, N_f; valid near seams only"}),
+        f"{name}_flag": (_POINTS, flags, {"long_name": "what N_f means"} | meanings),
     }
 
 

@@ -13,7 +13,9 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
+from limo.measure.frames import CaseFrames
 from limo.measure.ramp import ramp_of
+from limo.mechanics.model import Loading
 
 #: pressures (kPa) closer than this are the same
 CLOSE = 1e-6
@@ -54,6 +56,27 @@ def leg_energies(leg: xr.Dataset, ventricular_pressure: float) -> tuple[float, f
     ]
     stored = leg.strain_energy.values
     return works[0], works[1], sum(works) - float(stored[-1] - stored[0])
+
+
+def ends_of_legs(loading: Loading) -> list[tuple[float, float]]:
+    """P_v and P_a (kPa) at rest, at the end of the ramp, and at the points of the cycle."""
+    ventricular = loading.ventricular_pressure
+    return [(ventricular, 0.0), (ventricular, loading.actuation_pressure_max), *loading.cycle]
+
+
+def states_of_last_cycle(loading: Loading, frames: CaseFrames) -> list[np.ndarray]:
+    """Displacements (n, 3) in mm of the states kept along the last closed cycle, from its first point to its last.
+
+    None where the load closes no cycle, or the case did not get through it.
+    """
+    closed = closed_cycles(ends_of_legs(loading))
+    if not closed or not (frames.cycle_leg == closed[-1][1]).any():
+        return []
+    first, last = closed[-1]
+    ramp = [frames.displacement[k] for k in np.argsort(frames.pressure)]
+    of_legs = [ramp] + [list(frames.cycle_displacement[frames.cycle_leg == k]) for k in range(1, last + 1)]
+    before = of_legs[first - 1][-1:] if first else []
+    return before + [state for leg in of_legs[first:] for state in leg]
 
 
 def closed_cycles(points: list[tuple[float, float]]) -> list[tuple[int, int]]:

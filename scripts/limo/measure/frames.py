@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +28,8 @@ class CaseFrames:
 
     ``motion`` (f, 2, n, 3): velocity and acceleration in mm/s and mm/s^2 on the solver's clock. ``event_pressure`` (e, 2) in
     kPa and ``event_displacement`` (e, 2, n, 3) in mm: before and after each buckling event. Frames may come without these.
-    ``damping`` (1/s) on the solver's clock is that of the attempt that made them.
+    ``damping`` (1/s) on the solver's clock is that of the attempt that made them. ``cycle_leg`` (c,) and ``cycle_displacement``
+    (c, n, 3) in mm: states along the legs of a cycle, in order.
     """
 
     file: Path
@@ -39,6 +40,8 @@ class CaseFrames:
     event_pressure: np.ndarray
     event_displacement: np.ndarray
     damping: float = 0.0
+    cycle_leg: np.ndarray = field(default_factory=lambda: np.empty(0, int))
+    cycle_displacement: np.ndarray | None = None
 
     def find(self, requested: float) -> int | None:
         """Index of the frame kept for a pressure (kPa); None when the case did not get there."""
@@ -69,6 +72,7 @@ def read_frames(file: Path, n_nodes: int) -> CaseFrames:
             data.event_pressure.values if "event_pressure" in data else np.empty((0, 2)),
             data.event_displacement.values if "event_displacement" in data else np.empty((0, 2, n_nodes, 3)),
             float(data.attrs.get("damping", 0.0)),
+            *((data.cycle_leg.values, data.cycle_displacement.values) if "cycle_leg" in data else ()),
         )
     except UNREADABLE as error:
         raise ResultError(f"{file}: not the frames of a case ({error})") from None

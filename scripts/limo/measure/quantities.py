@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from limo.measure.buckling import MOST_EVENTS
@@ -13,13 +14,16 @@ from limo.measure.zones import ZONES
 class Measure:
     """What is stored under a name: ``per`` lists its dimensions besides those of a case; ``output`` asks for it.
 
-    An empty ``output`` comes with any of them.
+    An empty ``output`` comes with any of them; ``CYCLE`` is part of fatigue where cases go through a cycle.
     """
 
     per: tuple[str, ...]
     units: str
     long_name: str
     output: str = ""
+
+
+CYCLE = "cycle"
 
 
 _TOP = "area average of the top 5 %"
@@ -63,6 +67,11 @@ MEASURES = {
     "fatigue_cycles_min": Measure((), "1", "smallest number of cycles to failure near seams, N_f", "fatigue"),
     "fatigue_cycles_p05": Measure((), "1", "N_f that 5 % of the area near seams do not reach", "fatigue"),
     "fatigue_endurance_share": Measure((), "1", "share of the area near seams below the endurance range", "fatigue"),
+    "cycle_amplitude_peak": Measure((), "1", f"strain amplitude of the last closed cycle near seams, {_TOP}", CYCLE),
+    "cycle_mean_peak": Measure((), "1", f"mean strain of the last closed cycle near seams, {_TOP}", CYCLE),
+    "cycle_fatigue_cycles_min": Measure((), "1", "smallest number of such cycles to failure near seams, N_f", CYCLE),
+    "cycle_fatigue_cycles_p05": Measure((), "1", "such N_f that 5 % of the area near seams do not reach", CYCLE),
+    "cycle_fatigue_endurance_share": Measure((), "1", "share of the area near seams below the endurance range", CYCLE),
     "buckling_before": Measure(("event",), "kPa", "last actuation pressure before a buckling event, P_a,c-"),
     "buckling_after": Measure(("event",), "kPa", "first actuation pressure after a buckling event, P_a,c+"),
     "buckling_jump": Measure(("event",), "ml", "jump of the stroke volume in a buckling event"),
@@ -74,6 +83,12 @@ MEASURES = {
     "contact_outer_clear": Measure((), "kPa", "highest P_a of a frame before outer surfaces cross"),
     "contact_outer": Measure((), "kPa", "lowest P_a of a frame in which outer surfaces cross: pouches, or folds of the wall"),
 }
+
+
+def chosen_measures(outputs: Sequence[str], is_cycled: bool) -> dict[str, Measure]:
+    """The measures that come with outputs, of cases that go through a cycle or do not."""
+    asked = {"", *outputs} | ({CYCLE} if is_cycled and "fatigue" in outputs else set())
+    return {name: measure for name, measure in MEASURES.items() if measure.output in asked}
 
 
 FRAME = "pressure of a frame as the study writes it, in kPa where it is a number"

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from pydantic import Field, field_validator
 
 from limo.schema.section import Section
+
+#: how the mean of a cycle counts (``measure.fatigue.cycles_to_failure``)
+NONE, MORROW, SMITH_WATSON_TOPPER = MEAN_CORRECTIONS = ("none", "morrow", "smith_watson_topper")
 
 
 class Parameter(Section):
@@ -59,6 +64,10 @@ class Fatigue(Section):
         Parameter(value=4.0, origin="assumed: about the width of a heat-sealed seam and one element beside it"),
         description="mm from the nearest seam or edge within which the estimate is valid",
         examples=[{"value": 4.0, "origin": "assumed"}],
+    )
+
+    mean_correction: Literal["none", "morrow", "smith_watson_topper"] = Field(
+        MORROW, description="how the mean of a load cycle counts; of no matter without one", examples=["smith_watson_topper"]
     )
 
     @field_validator("youngs_modulus", "strength_coefficient", "ductility_coefficient")

@@ -21,6 +21,7 @@ FIGURES = (
     "buckling",
     "design",
     "trends",
+    "loops",
 )
 
 
@@ -38,6 +39,10 @@ DEVICE_FIGURES = ("accuracy_cost", "accuracy_convergence", "accuracy_sections", 
 
 #: figures that need an output of their study beyond volumes
 NEEDS = {"strain_life": "fatigue", "cycles": "fatigue", "afterload": "contact"}
+
+
+#: figures of what follows the first ramp, which their study's ``actuation`` says
+OF_CYCLES = ("loops",)
 
 
 #: what may be drawn of the shapes of a study (``datasets.shapes``): displacements at all of its frames or at the pressures of its

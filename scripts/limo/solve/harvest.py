@@ -39,13 +39,16 @@ class _Increments:
 class _Frames:
     """Displacements that are kept: of the increments nearest to some pressures, and around buckling events.
 
-    ``pressures`` (f, 2): the one asked for and that of the increment, in kPa. ``problem``: why there are no more of them.
+    ``pressures`` (f, 2): the one asked for and that of the increment, in kPa. ``cycle``: legs, P_v and P_a (kPa) of the states
+    ``cycled`` along the legs of a cycle. ``problem``: why there are no more of them.
     """
 
     pressures: list[tuple[float, float]] = field(default_factory=list)
     displacements: list[np.ndarray] = field(default_factory=list)
     motions: list[np.ndarray] = field(default_factory=list)
     around: dict[Event, list[np.ndarray]] = field(default_factory=dict)
+    cycle: list[tuple[int, float, float]] = field(default_factory=list)
+    cycled: list[np.ndarray] = field(default_factory=list)
     problem: str = ""
 
 
@@ -111,6 +114,9 @@ def _frames(model: Model, path: LoadPath, history: xr.Dataset) -> _Frames:
             kept.pressures.append((wanted, pressure))
         for event, ends in _event_increments(history).items():
             kept.around[event] = [displacements(k) for k in ends]
+        for k, point in _cycle_increments(model.loading.frames, history).items():
+            kept.cycle.append(point)
+            kept.cycled.append(displacements(k))
     except ResultError as error:
         kept.problem = str(error)
     return kept
@@ -123,6 +129,8 @@ def _frames_dataset(model: Model, path: LoadPath, kept: _Frames) -> xr.Dataset:
     motion = np.array(kept.motions, np.float32).reshape(-1, 2, *per_node)
     around = np.array(list(kept.around.values()), np.float32).reshape(-1, 2, *per_node)
     at_events = np.array([(e.before, e.after) for e in kept.around], float).reshape(-1, 2)
+    cycled = np.array(kept.cycled, path.precision).reshape(-1, *per_node)
+    points = np.array(kept.cycle, float).reshape(-1, 3)
     of_motion = "velocity in mm/s and acceleration in mm/s2 on the solver's clock, from the increments before"
     of_events = "displacement in the increments before and after a buckling event"
     at_ends = "actuation pressures before and after a buckling event"
@@ -136,6 +144,7 @@ def _frames_dataset(model: Model, path: LoadPath, kept: _Frames) -> xr.Dataset:
             ),
             "motion": (("frame", "derivative", "node", "axis"), motion, {"long_name": of_motion}),
             "event_displacement": (("event", "end", "node", "axis"), around, in_mm | {"long_name": of_events}),
+            **({} if not kept.cycle else _cycle_variables(points, cycled)),
         },
         coords={
             "event_pressure": (("event", "end"), at_events, in_kpa | {"long_name": at_ends}),
@@ -150,6 +159,21 @@ def _frames_dataset(model: Model, path: LoadPath, kept: _Frames) -> xr.Dataset:
         },
         attrs={"case": model.name, "symmetry": model.mesh.symmetry, "damping": _damping(path, model.numerics)},
     )
+
+
+def _cycle_variables(points: np.ndarray, displacement: np.ndarray) -> dict[str, tuple]:
+    """States along the legs of a cycle: ``points`` (c, 3) are leg, P_v and P_a (kPa), ``displacement`` (c, n, 3) in mm."""
+    dims, in_kpa = "cycle_frame", {"units": "kPa"}
+    return {
+        "cycle_displacement": (
+            (dims, "node", "axis"),
+            displacement,
+            {"units": "mm", "long_name": "displacement from the flat state along a leg of the cycle"},
+        ),
+        "cycle_leg": (dims, points[:, 0].astype(int), {"long_name": "leg of the cycle, from 1; 0 is the ramp"}),
+        "cycle_ventricular_pressure": (dims, points[:, 1], in_kpa | {"long_name": "ventricular pressure, P_v"}),
+        "cycle_actuation_pressure": (dims, points[:, 2], in_kpa | {"long_name": "actuation pressure, P_a"}),
+    }
 
 
 def _damping(path: LoadPath, numerics: Numerics) -> float:
@@ -182,6 +206,23 @@ def _event_increments(history: xr.Dataset) -> dict[Event, tuple[int, int]]:
     jumps = largest_events(events(pressure, volume[0] - volume))
     places = [[first + int(np.argmin(np.abs(pressure - p))) for p in (e.before, e.after)] for e in jumps]
     return {event: tuple(ends) for event, ends in zip(jumps, places, strict=True)}
+
+
+def _cycle_increments(frames: Sequence[float], history: xr.Dataset) -> dict[int, tuple[int, float, float]]:
+    """Increments of a cycle whose states are kept, with leg, P_v and P_a (kPa): those next to frames (kPa), and ends of legs."""
+    chosen: dict[int, tuple[int, float, float]] = {}
+    if "leg" not in history:
+        return chosen
+    leg, pressure, ventricular = (history[n].values for n in ("leg", "actuation_pressure", "ventricular_pressure"))
+    for number in range(1, int(leg.max(initial=0)) + 1):
+        own = np.flatnonzero(leg == number)
+        if not len(own):
+            continue
+        low, high = pressure[own].min(), pressure[own].max()
+        places = {int(own[np.argmin(np.abs(pressure[own] - f))]) for f in frames if low <= f <= high}
+        for k in sorted(places | {int(own[-1])}):
+            chosen[k] = number, float(ventricular[k]), float(pressure[k])
+    return chosen
 
 
 def _volumes(model: Model, u: np.ndarray) -> tuple[float, ...]:

@@ -16,8 +16,10 @@ from limo.datasets.fields import frame_fields, mirrored, write_fields
 from limo.datasets.measures import gather_measures
 from limo.datasets.study import gather_study
 from limo.measure.case import measure_case
-from limo.measure.quantities import MEASURES
+from limo.measure.fatigue import cycles_to_failure, strain_cycle
+from limo.measure.quantities import CYCLE, MEASURES, chosen_measures
 from limo.mechanics.build import build_model
+from limo.mechanics.layer import inside_out, surface_state
 from limo.mesh.file import write_mesh
 from limo.schema.fatigue import Fatigue, Parameter
 from tests.helpers.cases import configured, moved, study, write_case
@@ -88,7 +90,7 @@ def test_outputs_do_not_change_what_is_solved(loaded):
 def test_every_measure_is_there_with_its_unit(solved):
     found = measured(solved)
     assert found.attrs["status"] == "measured"
-    for name, measure in MEASURES.items():
+    for name, measure in chosen_measures(ALL, is_cycled=False).items():
         assert found[name].attrs.get("units", "") == measure.units
         assert found[name].attrs["long_name"]
     assert found.requested_pressure.values.tolist() == PRESSURES
@@ -135,6 +137,36 @@ def test_parameters_of_fatigue_and_their_origins_are_stored(solved):
     measured(solved)
 
 
+def test_a_cycle_has_its_own_amplitudes_means_and_lives(loaded, device_mesh, tmp_path):
+    """Half of the frames' range, about a mean as large; a device that only went up has none."""
+    project = configured(loaded, cycled=study(outputs=["volumes", "fatigue"], actuation=[0, "max", 0]))
+    case, mesh = only_case(project, "cycled"), device_mesh()
+    model, folder = build_model(case, mesh), tmp_path / case.case_id
+    write_mesh(mesh, tmp_path / "mesh.vtu")
+    states = {p: moved(model, p) for p in (0.0, 60.0)}
+    wanted = wanted_cases(project)[case.case_id]
+    for cycle in ({}, {1: [states[0.0]]}):
+        write_case(folder, model, states, cycle)
+        found = measure_case(case, wanted, Fatigue(mean_correction="none"), tmp_path / "mesh.vtu", folder)
+        assert found.attrs["status"] == "measured", found.attrs["reason"]
+        for name, measure in MEASURES.items():
+            if measure.output == CYCLE:
+                assert bool(np.isfinite(found[name])) == bool(cycle), name
+    start, end = (strain_on_middle(model, u) for u in states.values())
+    expected = strain_cycle(np.array([start, end]), np.zeros((2, *start.shape)))
+    np.testing.assert_allclose(found.cycle_strain_amplitude, expected.amplitude, atol=1e-6)
+    np.testing.assert_allclose(found.cycle_strain_mean, expected.mean, atol=1e-6)
+    life, flags = cycles_to_failure(found.cycle_strain_amplitude.values, Fatigue())
+    np.testing.assert_array_equal(found.cycle_fatigue_flag, flags)
+    np.testing.assert_allclose(found.cycle_fatigue_cycles, life)
+
+
+def strain_on_middle(model, displacement):
+    """xx, yy, xy of the strain (m, 4, 3) on the middle surface."""
+    middle = inside_out(model.mesh, surface_state(model, displacement.astype(np.float32).astype(float)).strain)[:, 1]
+    return np.stack([middle[..., 0, 0], middle[..., 1, 1], middle[..., 0, 1]], axis=-1)
+
+
 # --------------------------------------------------------------------------------------------------------------------
 # the study
 
@@ -143,7 +175,7 @@ def test_a_study_holds_what_it_asks_for(solved):
     configuration, folder, _ = solved
     measured(solved)
     everything, plain = (gather_study(configuration, name, folder) for name in ("everything", "plain"))
-    assert set(MEASURES) <= set(everything.variables)
+    assert set(chosen_measures(ALL, is_cycled=False)) <= set(everything.variables)
     assert not set(MEASURES) & set(plain.variables)
     assert everything.frame.values.tolist() == ["0", "P_v + 10", "max"]
     assert everything.frame_pressure.squeeze().values.tolist() == PRESSURES

@@ -7,6 +7,7 @@ dependency writes steps and loads; meshio's input files have nodes, elements and
 
 from __future__ import annotations
 
+import math
 from dataclasses import astuple, dataclass
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from limo.schema.section import PLANNED, STAGES
 
 #: more than any run takes
 MOST_INCREMENTS = 1_000_000
+_KEPT_OF_FIT = 5
 BRICK_SIDE = {"bottom": "P1", "top": "P2"}
 
 
@@ -73,6 +75,20 @@ def history_of(loading: Loading, times: tuple[StageTime, ...]) -> np.ndarray:
     points = [(0.0, 0.0, 0.0, 0.0), (fit.end, 1.0, p_v, 0.0), (ramp.start, 1.0, p_v, 0.0), (ramp.end, 1.0, p_v, p_a)]
     points += [(leg.end, 1.0, *point) for leg, point in zip(legs, loading.cycle, strict=True)]
     return np.array(points)
+
+
+def kept_times(model: Model, times: tuple[StageTime, ...]) -> np.ndarray:
+    """Times (k,) of the solver at which increments end and are kept; without a cycle none, for then every increment is.
+
+    CalculiX meets a turn of the load only where it is told to, and then keeps the times that it is told alone: some of the fit,
+    and on each leg those at most half of the largest increment apart.
+    """
+    loading = model.loading
+    if not loading.cycle:
+        return np.empty(0)
+    counts, spacing = [_KEPT_OF_FIT, 1], 0.5 * model.numerics.largest_increment
+    counts += [max(1, math.ceil(way / spacing - 1e-9)) for way in (loading.actuation_pressure_max, *ways_of(loading))]
+    return np.concatenate([np.linspace(t.start, t.end, n + 1)[1:] for t, n in zip(times, counts, strict=True)])
 
 
 def _rows(values: np.ndarray, per_line: int = 12) -> list[str]:
@@ -189,16 +205,22 @@ def step(
     controls: Controls,
     loads: list[str],
     increments: int = MOST_INCREMENTS,
+    kept: np.ndarray | None = None,
 ) -> list[str]:
-    """An implicit dynamic step: ``limits`` in s are first increment, length, smallest and largest increment."""
+    """An implicit dynamic step: ``limits`` in s are first increment, length, smallest and largest increment.
+
+    ``kept`` (k,): times in s of the increments that are kept, default all.
+    """
+    points = [] if kept is None else ["*TIME POINTS, NAME=KEPT", *(number(float(time)) for time in kept)]
     return [
+        *points,
         f"*STEP, NLGEOM, INC={increments}",
         f"*DYNAMIC, ALPHA={hht_alpha:.10f}",
         ", ".join(map(number, limits)),
         *_controls(controls),
         *loads,
-        # FREQUENCY=1, because volumes are taken at every increment; 2D output keeps the node numbers of shells
-        "*NODE OUTPUT, FREQUENCY=1" + (", OUTPUT=2D" if model.element.is_shell else ""),
+        # volumes are taken at every increment; 2D output keeps the node numbers of shells
+        "*NODE OUTPUT, " + ("TIME POINTS=KEPT" if points else "FREQUENCY=1") + (", OUTPUT=2D" if model.element.is_shell else ""),
         "U",
         "*END STEP",
     ]
@@ -226,7 +248,8 @@ def _stages(model: Model, numerics: Numerics, times: tuple[StageTime, ...], incr
     for load in model.pressures:
         surface = load.surface.upper()
         loads += [f"*DLOAD, AMPLITUDE=P_{surface}", f"{surface}, {pressure_label(model, load)}, 1"]
-    return step(model, numerics.hht_alpha, limits, numerics.controls, loads, increments)
+    kept = kept_times(model, times)
+    return step(model, numerics.hht_alpha, limits, numerics.controls, loads, increments, kept if len(kept) else None)
 
 
 def write_deck(model: Model, path: Path, increments: int = MOST_INCREMENTS) -> tuple[StageTime, ...]:

@@ -23,7 +23,7 @@ from pathlib import Path
 import numpy as np
 
 from limo.engines.calculix.build import solver_build
-from limo.engines.calculix.deck import StageTime, actuation_pressure_at, history_of, write_deck
+from limo.engines.calculix.deck import StageTime, actuation_pressure_at, history_of, kept_times, write_deck
 from limo.engines.calculix.frd import Frame, FrdFile
 from limo.engines.calculix.sta import Increment, read_sta
 from limo.engines.load_path import LoadPath, count_stages
@@ -33,6 +33,8 @@ from limo.schema.section import PLANNED, STAGES
 from limo.schema.solver import Solver
 
 JOB = "deck"
+_ALL = np.empty(0)
+_SAME_TIME = 1e-6  # relative, as .sta rounds
 _PR_SET_PDEATHSIG = 1
 _POLL = 0.5  # s between looks at a running solver
 #: signals that people, terminals and the kernel's memory killer send; a solver that fails by itself ends with others
@@ -78,7 +80,8 @@ def solve(model: Model, folder: Path, solver: Solver, command: Path) -> LoadPath
     """Run a model in ``folder``; the path reads displacements from the solver's results until it is closed."""
     times = write_deck(model, folder / f"{JOB}.inp")
     with contextlib.ExitStack() as stack:
-        left = stack.enter_context(results(folder, run(folder, command, solver, times[-1].end)))
+        outcome = run(folder, command, solver, times[-1].end)
+        left = stack.enter_context(results(folder, outcome, kept_times(model, times)))
         clock = np.array([f.time for f in left[2]], float)
         ends, loading = [t.end * (1 + 1e-9) for t in times[:-1]], model.loading
         place = np.searchsorted(ends, clock)
@@ -128,13 +131,16 @@ def load_path(outcome: Run, frd: FrdFile | None, usable: list[Frame], model: Mod
 
 
 @contextlib.contextmanager
-def results(folder: Path, outcome: Run) -> Iterator[tuple[Run, FrdFile | None, list[Frame]]]:
+def results(folder: Path, outcome: Run, kept: np.ndarray = _ALL) -> Iterator[tuple[Run, FrdFile | None, list[Frame]]]:
     """What a run in ``folder`` left, open as long as the block lasts: outcome, file of results, frames in it that count.
+
+    ``kept`` (k,): times in s of the increments that have frames, all of them by default.
 
     A diverged run writes its last, unconverged state too: only increments that .sta accepted count. It does not notice when
     the disk is full: an accepted increment without a frame has crashed, and so has a file that cannot be read.
     """
-    accepted, file = {(i.step, i.increment) for i in outcome.accepted}, folder / f"{JOB}.frd"
+    told = [i for i in outcome.accepted if not len(kept) or np.isclose(kept, i.total_time, rtol=_SAME_TIME, atol=0).any()]
+    accepted, file = {(i.step, i.increment) for i in told}, folder / f"{JOB}.frd"
     with contextlib.ExitStack() as stack:
         frd, usable, error = None, [], ""
         if accepted and file.exists():
