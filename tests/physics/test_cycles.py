@@ -41,18 +41,27 @@ def cycled(case, cycle):
     return path, history, frames
 
 
-@pytest.mark.parametrize("element", ["C3D20R", "SHELL8R"])
-def test_the_second_cycle_repeats_the_first(case, element):
+def test_the_second_cycle_repeats_the_first(case):
     """This device snaps between 4 and 5 kPa on the way up and lower on the way down, so that every cycle takes energy."""
-    path, history, _ = cycled(with_(case, element=element), AGAIN)
+    path, history, _ = cycled(case, AGAIN)
     legs = legs_of(history)
     assert [float(leg.actuation_pressure[-1]) for leg in legs] == [MAXIMUM, 0.0, MAXIMUM, 0.0]
     energies = np.array([leg_energies(leg, P_V) for leg in legs])
     assert (energies[:, 2] > 0).all()
-    assert energies[2:, 0].sum() == pytest.approx(energies[2:, 2].sum(), rel=1e-3), "the loop of V_a has the area that is taken"
+    assert energies[:2, 0].sum() == pytest.approx(energies[:2, 2].sum(), rel=1e-3), "the loop of V_a has the area that is taken"
+    np.testing.assert_allclose(energies[2:], energies[:2], rtol=1e-3)
     ends = [path.displacements(int(np.flatnonzero(history.leg.values == k)[-1])) for k in range(4)]
     assert np.abs(ends[3] - ends[1]).max() < 1e-3
     assert np.abs(ends[2] - ends[0]).max() < 1e-3
+
+
+def test_no_leg_creates_energy_where_other_wrinkles_stay_behind(case):
+    """On so few shells the wrinkles of the first cycle are not those of the second."""
+    _, history, _ = cycled(with_(case, element="SHELL8R"), AGAIN)
+    energies = np.array([leg_energies(leg, P_V) for leg in legs_of(history)])
+    assert (energies[:, 2] > 0).all()
+    stored = float(history.strain_energy[-1] - history.strain_energy.values[history.stage.values == STAGES.index("hold")][-1])
+    assert energies.sum(axis=0) @ [1, 1, -1] == pytest.approx(stored, rel=1e-6)
 
 
 def test_a_load_along_a_closed_way_conserves_energy(case):
@@ -71,7 +80,7 @@ def test_a_load_along_a_closed_way_conserves_energy(case):
 
 
 def test_states_along_the_legs_are_kept_at_the_frames_and_at_their_ends(case):
-    path, history, frames = cycled(case, AGAIN)
+    path, _, frames = cycled(case, AGAIN)
     assert frames.requested_pressure.values.tolist() == [0.0, 4.0, MAXIMUM]
     assert frames.cycle_leg.values.tolist() == [1, 1, 2, 2, 3, 3]
     np.testing.assert_allclose(frames.cycle_actuation_pressure, [4.0, 0.0, 4.0, MAXIMUM, 4.0, 0.0])
