@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 
 from limo.cases.case import Case
 from limo.config.project import Project
-from limo.schema.device import Device, Sheet
-from limo.schema.numerics import MeshLevel, Numerics
+from limo.schema.device import Device, Material, Sheet
+from limo.schema.numerics import Mesh, MeshLevel, Numerics
 from limo.schema.section import ENGINES
 from limo.schema.study import Study
 
@@ -103,7 +103,7 @@ class StudyGrid:
                 actuation_pressure_max=study.maximum_for(point.ventricular_pressure),
                 aspect_ratio=point.aspect_ratio,
                 stiffness_ratio=point.stiffness_ratio,
-                mesh=setting.mesh,
+                mesh=_mirrored(setting.mesh, devices[device].material),
                 mesh_level=config.mesh_levels[setting.mesh.level],
                 numerics=numerics[point.variant],
                 numerics_name=setting.preset,
@@ -169,6 +169,14 @@ def changed(device: Device, **changes: float) -> Device:
     if material.pouch_sheet is not None:
         material = material.model_copy(update={"pouch_sheet": _changed_sheet(material.pouch_sheet, changes)})
     return device.model_copy(update={"pattern": pattern, "material": material})
+
+
+def _mirrored(mesh: Mesh, material: Material) -> Mesh:
+    """The mesh, or half of the device instead of a quarter where yarns are not their own mirror image."""
+    weaves = [sheet.weave for sheet in (material, material.pouch_sheet) if sheet is not None and sheet.weave is not None]
+    if mesh.symmetry != "quarter" or all(weave.is_mirrored for weave in weaves):
+        return mesh
+    return mesh.model_copy(update={"symmetry": "front_back"})
 
 
 def _changed_sheet(sheet: Sheet, changes: Mapping[str, float]) -> Sheet:

@@ -186,8 +186,7 @@ def check_fabric(path: Path, study: Study, prefix: str, setting: Setting) -> Non
         raise ConfigError(
             path, f"{prefix}mesh.element", mesh.element, "C3D20R, C3D20 or SHELL8R for a woven fabric", "element: SHELL8R"
         )
-    angles = axes.fabric_angle if axes.fabric_angle is not None else [weave.angle for weave in woven]
-    slanted = [angle for angle in angles if angle not in (-90, 0, 90)]
+    slanted = [] if axes.fabric_angle is not None else [weave.angle for weave in woven if not weave.is_mirrored]
     if slanted and mesh.symmetry == "quarter":
         expected = (
             f"front_back or full: with its warp at {slanted[0]:g} degrees the right half is no mirror image of the left one"

@@ -126,6 +126,11 @@ class Weave(Section):
             )
         return self
 
+    @property
+    def is_mirrored(self) -> bool:
+        """Whether the right half of a sheet is the mirror image of the left one."""
+        return self.angle in (-90, 0, 90)
+
 
 class Sheet(Elastic):
     """A sheet of fabric: elasticity, mass, weave and bending."""

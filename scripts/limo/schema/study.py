@@ -42,7 +42,8 @@ class Axes(Section):
     fabric_angle: list[Annotated[float, Field(ge=-90, le=90)]] | None = Field(
         None,
         min_length=1,
-        description="angle of the warp in degrees, of all sheets, instead of their own",
+        description="angle of the warp in degrees, of all sheets, instead of their own; "
+        "but at 0 and +-90, half of the device stands for a quarter",
         examples=[[0, 45, 90]],
     )
     bending_factor: list[Annotated[float, Field(gt=0, le=4)]] | None = Field(

@@ -430,13 +430,14 @@ def test_fabric_that_cannot_be_is_refused(folder, changes, key, expected):
     assert expected in str(error)
     assert error.example
     edit(folder / STUDY, ("material",), {"weave": WEAVE | {"angle": 30}, "bending_factor": 0.05})
-    edit(folder / STUDY, ("mesh",), {"symmetry": "front_back"})
+    edit(folder / STUDY, ("mesh",), {"symmetry": "quarter"})
     edit(
         folder / STUDY,
         ("axes",),
         {"n_pouches": [8], "ventricular_pressure": [3.8], "fabric_angle": [0, 45], "bending_factor": [1]},
     )
-    load_config(folder / CONFIG, strict=True)
+    cases = study_cases(load_config(folder / CONFIG, strict=True), Path(STUDY).stem).values()
+    assert [case.mesh.symmetry for case in cases] == ["quarter", "front_back"]
 
 
 @pytest.mark.parametrize(
