@@ -10,7 +10,7 @@ import xarray as xr
 from limo.schema.pressures import DECIMALS
 
 PRESSURE = "actuation_pressure"
-_SPREAD = ("zone", "side", "event")  # dimensions that become columns
+_SPREAD = ("zone", "side", "event", "leg")  # dimensions that become columns
 
 
 def tidy(dataset: xr.Dataset) -> pd.DataFrame:
