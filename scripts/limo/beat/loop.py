@@ -1,7 +1,7 @@
 """A closed loop of one device or two: pressures of ventricles, pouches, arteries and veins over time.
 
-Volumes of a device follow both of its pressures, (V_v, V_a) = F(P_v, P_a), on the sheet that it is on. With flows Q in ml/s, air n
-in ml at one atmosphere (isothermal), P_0 the atmosphere and V_d the dead volume,
+Volumes of a device follow both of its pressures, (V_v, V_a) = F(P_v, P_a), on the sheet that it is on. With flows Q in ml/s, air n in
+ml at one atmosphere (isothermal), P_0 the atmosphere and V_d the dead volume,
 
     dV_v/dt = Q_in - Q_out
     P_0 dn/dt = d/dt [(P_a + P_0)(V_a + V_d)] = P_0 (P_source - P_a) / R_line
@@ -33,7 +33,7 @@ OUTSIDE = ("", "P_v below", "P_v above", "P_a below", "P_a above")
 
 @dataclass(frozen=True)
 class System:
-    """Numbers of a loop of D devices for ``run``: the table of a surface, its steps and ends, circuits (D, 5) and drivers (D, 6)."""
+    """Numbers of a loop of D devices for ``run``: table of a surface, its grid, circuits (D, 5), drivers (D, 6)."""
 
     table: np.ndarray
     joined: np.ndarray

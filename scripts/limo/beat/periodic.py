@@ -19,9 +19,11 @@ from limo.beat.surface import Surface
 from limo.schema.beat import Beat
 
 SIDES = ("left", "right")
-#: relative change of stroke volume and of arterial pressure from beat to beat below which a heart beats periodically
-PERIODIC = 1e-3
-MOST_BEATS = 300
+#: relative change of stroke volume and of arterial pressure from beat to beat below which no further beat is needed
+SETTLED = 1e-4
+#: the same below which a heart beats periodically; where its sheets change, beats may differ by as much for ever
+PERIODIC = 5e-3
+MOST_BEATS = 100
 #: ml that a beat must eject to count as one
 LEAST_STROKE = 1.0
 #: steps of the integration in a step of what is told
@@ -105,7 +107,7 @@ def beating(surface: Surface, beat: Beat, most_beats: int = MOST_BEATS) -> Beati
         now = np.concatenate([traces[:, TRACE.index("outflow")].mean(axis=1), vessels[:count].mean(axis=1)])
         if before is not None:
             drift = float(np.max(np.abs(now - before) / np.maximum(np.abs(now), 1e-6)))
-            if drift < PERIODIC / 10:
+            if drift < SETTLED:
                 break
         before = now
     numbers = _numbers(traces, vessels, time, system.period, system.drivers)
@@ -116,7 +118,7 @@ def beating(surface: Surface, beat: Beat, most_beats: int = MOST_BEATS) -> Beati
         side = SIDES[int(np.argmin(numbers["stroke_volume"]))]
         peak, artery = (float(numbers[n].min()) for n in ("ventricular_peak", "arterial_mean"))
         status = NO_OUTPUT
-        reason = f"the driver of the {side} device cannot deliver: P_v comes to {peak:.3g} kPa before arteries at {artery:.3g} kPa"
+        reason = f"the driver of the {side} device cannot deliver: P_v comes to {peak:.3g} kPa, arteries are at {artery:.3g} kPa"
     return Beating(status, reason, done, drift, time, traces, vessels, numbers, sheets)
 
 

@@ -30,6 +30,7 @@ ORDER = (
         "airbag",
         "accuracy",
         "reliability",
+        "beat",
         "figures",
         "drawings",
         "page",

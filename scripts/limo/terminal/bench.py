@@ -26,8 +26,10 @@ from limo.figures.tensile_test import draw
 from limo.schema.bench import SIZES, MeasuredCurves, TensileTest
 from limo.store.files import UNREADABLE, write_whole
 from limo.store.results import Results
+from limo.terminal.settings import with_settings
 
 _COMMAND = "limo tensile"
+_SET = _COMMAND, "--set units.force=kN"
 
 
 def test_of(files: Sequence[Path], keys: dict[str, Any], settings: Iterable[str]) -> TensileTest:
@@ -35,7 +37,7 @@ def test_of(files: Sequence[Path], keys: dict[str, Any], settings: Iterable[str]
 
     Raises ``ConfigError`` for what is none.
     """
-    data = _with_settings({"data": [str(f) for f in files]} | {k: v for k, v in keys.items() if v is not None}, settings)
+    data = with_settings({"data": [str(f) for f in files]} | {k: v for k, v in keys.items() if v is not None}, settings, *_SET)
     if "window" in data:
         data.setdefault("method", "window")
     return parse(TensileTest, data, Path(_COMMAND))
@@ -49,30 +51,7 @@ def curves_of(file: Path | None, settings: Sequence[str]) -> MeasuredCurves | No
                 "limo measured", "--set", settings[0], "--data with it; a study has its keys in its own file", "--data mine.csv"
             )
         return None
-    return parse(MeasuredCurves, _with_settings({"data": str(file)}, settings), Path("limo measured"))
-
-
-def _with_settings(data: dict[str, Any], settings: Iterable[str]) -> dict[str, Any]:
-    """Keys with settings such as ``units.force=kN`` put in their places."""
-    for setting in settings:
-        name, equals, text = setting.partition("=")
-        if not equals:
-            raise ConfigError(_COMMAND, "--set", setting, "KEY=VALUE", "--set units.force=kN")
-        first, _, inner = name.strip().partition(".")
-        value = _value(text)
-        if inner:
-            data[first] = (data[first] if isinstance(data.get(first), dict) else {}) | {inner: value}
-        else:
-            data[first] = value
-    return data
-
-
-def _value(text: str) -> Any:
-    try:
-        value = yaml.safe_load(text)
-    except yaml.YAMLError:
-        return text
-    return text if value is None or isinstance(value, bool) else value
+    return parse(MeasuredCurves, with_settings({"data": str(file)}, settings, *_SET), Path("limo measured"))
 
 
 def run_tensile(test: TensileTest, pictures: Path, *, picture: Path | None = None, stated: bool = True) -> tuple[Fit, Path]:

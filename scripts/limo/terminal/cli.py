@@ -9,7 +9,7 @@ from pathlib import Path
 
 from limo.checkout import check_folder
 from limo.errors import LimoError
-from limo.terminal.commands import bench, cases, devices, documents, shell, studies
+from limo.terminal.commands import beats, bench, cases, devices, documents, shell, studies
 from limo.terminal.commands.arguments import DONE, EXIT_CODES, INTERRUPTED, MISTAKE, Commands
 
 #: what adds each command, in the order of the help
@@ -28,6 +28,7 @@ COMMANDS = (
     cases.add_compare,
     studies.add_table,
     documents.add_page,
+    beats.add_beat,
     cases.add_benchmark,
     documents.add_performance,
     documents.add_paper_check,
