@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from limo.schema.accuracy import Airbag
+from limo.schema.beat import Beat
 from limo.schema.config import Config
 from limo.schema.device import Device
 from limo.schema.inference import Inference
@@ -15,8 +16,8 @@ from limo.schema.study import Study
 
 
 def json_schemas() -> dict[str, dict[str, Any]]:
-    """The JSON schemas of the five kinds of configuration file, by file name."""
-    models = {"config": Config, "study": Study, "device": Device, "airbag": Airbag, "inference": Inference}
+    """The JSON schemas of the six kinds of configuration file, by file name."""
+    models = {"config": Config, "study": Study, "device": Device, "airbag": Airbag, "inference": Inference, "beat": Beat}
     return {f"{name}.schema.json": model.model_json_schema() for name, model in models.items()}
 
 

@@ -13,6 +13,7 @@ from limo.config.load import load_config
 from limo.errors import LimoError
 from limo.reports import (
     accuracy,
+    beats,
     blocks,
     cluster,
     configuration,
@@ -76,6 +77,7 @@ def _schema(name: str) -> Callable[[Path], str]:
 DOCUMENTS: dict[str, Callable[[Path], str]] = {
     "README.md": _parts("README.md", readme.parts),
     "docs/accuracy.md": _accuracy,
+    "docs/beat.md": _parts("docs/beat.md", beats.parts),
     "docs/configuration.md": _parts("docs/configuration.md", lambda _: configuration.parts()),
     "docs/geometry.md": _parts("docs/geometry.md", geometry.parts),
     "docs/gallery/README.md": _gallery("config.yaml", ""),

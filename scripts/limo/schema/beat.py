@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import cache
 from typing import Annotated, Any
 
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator, Field, WithJsonSchema
 
 from limo.schema.section import Section
 
@@ -19,8 +19,8 @@ def _pint():
     return registry
 
 
-def _within(unit: str, low: float, high: float, example: str):
-    """A quantity written with its unit, turned into ``unit``; Raises ``ValueError`` for another one, or beyond its range."""
+def _within(unit: str, low: float, high: float, example: str) -> tuple[BeforeValidator, WithJsonSchema]:
+    """A quantity written with its unit, turned into ``unit``. Raises ``ValueError`` for another one, or beyond its range."""
 
     def parsed(value: Any) -> float:
         if isinstance(value, float) and low <= value <= high:
@@ -37,7 +37,7 @@ def _within(unit: str, low: float, high: float, example: str):
             raise ValueError(f"{low:g} to {high:g} {unit}, and not {number:.6g}; for example {example}")
         return number
 
-    return BeforeValidator(parsed)
+    return BeforeValidator(parsed), WithJsonSchema({"type": "string", "examples": [example]})
 
 
 _RESISTANCE = "kPa * s / ml"
@@ -51,25 +51,25 @@ class Circuit(Section):
     they are read.
     """
 
-    outlet_resistance: Annotated[float, _within(_RESISTANCE, 1e-5, 1, "0.03 mmHg s/ml")] = Field(
+    outlet_resistance: Annotated[float, *_within(_RESISTANCE, 1e-5, 1, "0.03 mmHg s/ml")] = Field(
         description="of the outlet valve when it is open", examples=["0.03 mmHg s/ml"]
     )
-    inlet_resistance: Annotated[float, _within(_RESISTANCE, 1e-5, 1, "0.0075 mmHg s/ml")] = Field(
+    inlet_resistance: Annotated[float, *_within(_RESISTANCE, 1e-5, 1, "0.0075 mmHg s/ml")] = Field(
         description="of the inlet valve when it is open", examples=["0.0075 mmHg s/ml"]
     )
-    peripheral_resistance: Annotated[float, _within(_RESISTANCE, 1e-4, 10, "1.1 mmHg s/ml")] = Field(
+    peripheral_resistance: Annotated[float, *_within(_RESISTANCE, 1e-4, 10, "1.1 mmHg s/ml")] = Field(
         description="from arteries to veins", examples=["1.1 mmHg s/ml"]
     )
-    arterial_compliance: Annotated[float, _within(_COMPLIANCE, 0.01, 1e4, "1.6 ml/mmHg")] = Field(
+    arterial_compliance: Annotated[float, *_within(_COMPLIANCE, 0.01, 1e4, "1.6 ml/mmHg")] = Field(
         description="of the arteries", examples=["1.6 ml/mmHg"]
     )
-    venous_compliance: Annotated[float, _within(_COMPLIANCE, 0.1, 1e5, "60 ml/mmHg")] = Field(
+    venous_compliance: Annotated[float, *_within(_COMPLIANCE, 0.1, 1e5, "60 ml/mmHg")] = Field(
         description="of the veins, or of the reservoir of a bench", examples=["60 ml/mmHg"]
     )
-    arterial_pressure: Annotated[float, _within("kPa", 0, 60, "90 mmHg")] = Field(
+    arterial_pressure: Annotated[float, *_within("kPa", 0, 60, "90 mmHg")] = Field(
         description="of the arteries at the start; with that of the veins it sets how much blood there is", examples=["90 mmHg"]
     )
-    venous_pressure: Annotated[float, _within("kPa", 0, 30, "10 mmHg")] = Field(
+    venous_pressure: Annotated[float, *_within("kPa", 0, 30, "10 mmHg")] = Field(
         description="of the veins at the start", examples=["10 mmHg"]
     )
 
@@ -77,19 +77,19 @@ class Circuit(Section):
 class Driver(Section):
     """A pneumatic driver: a source and a vent that a switch puts on the line to the pouches in turn."""
 
-    source_pressure: Annotated[float, _within("kPa", 0.1, 300, "100 kPa")] = Field(
+    source_pressure: Annotated[float, *_within("kPa", 0.1, 300, "100 kPa")] = Field(
         description="above the atmosphere, while the device is driven", examples=["100 kPa"]
     )
-    vent_pressure: Annotated[float, _within("kPa", -90, 100, "0 kPa")] = Field(
+    vent_pressure: Annotated[float, *_within("kPa", -90, 100, "0 kPa")] = Field(
         description="above the atmosphere, while it is vented", examples=["0 kPa"]
     )
-    line_resistance: Annotated[float, _within(_RESISTANCE, 1e-5, 10, "0.05 kPa s/ml")] = Field(
+    line_resistance: Annotated[float, *_within(_RESISTANCE, 1e-5, 10, "0.05 kPa s/ml")] = Field(
         description="of line and switch, for air as it is at one atmosphere", examples=["0.05 kPa s/ml"]
     )
-    dead_volume: Annotated[float, _within("ml", 0.1, 1e4, "20 ml")] = Field(
+    dead_volume: Annotated[float, *_within("ml", 0.1, 1e4, "20 ml")] = Field(
         description="of the line between switch and pouches", examples=["20 ml"]
     )
-    rate: Annotated[float, _within("1/min", 5, 300, "60 1/min")] = Field(description="beats a minute", examples=["60 1/min"])
+    rate: Annotated[float, *_within("1/min", 5, 300, "60 1/min")] = Field(description="beats a minute", examples=["60 1/min"])
     duty: float = Field(gt=0, lt=1, description="share of the beat in which the source is on", examples=[0.35])
 
 
