@@ -1,4 +1,4 @@
-"""The generated parts of ``docs/beat.md``: devices in circulations, errors of their surfaces, the linear law, a rule of control."""
+"""The generated parts of ``docs/beat.md``: devices in circulations, errors of surfaces, the linear law, a rule of control."""
 
 from __future__ import annotations
 
@@ -140,8 +140,8 @@ def _rule(surface: Surface, beat: Beat) -> str:
     slope, offset = np.polyfit(against, needed, 1)
     miss = np.abs(slope * np.array(against) + offset - needed).max()
     sentence = (
-        f"Output held at {target:.2f} l/min: a source of {slope:.2f} times the mean arterial pressure {offset:+.1f} kPa misses what is "
-        f"needed by {miss:.1f} kPa at most."
+        f"Output held at {target:.2f} l/min: a source of {slope:.2f} times the mean arterial pressure {offset:+.1f} kPa misses "
+        f"what is needed by {miss:.1f} kPa at most."
     )
     return f"{markdown_table(pd.DataFrame(rows))}\n\n{sentence}"
 
