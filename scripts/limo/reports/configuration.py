@@ -12,6 +12,7 @@ import yaml
 
 from limo.reports.markdown import markdown_table
 from limo.schema.accuracy import Airbag
+from limo.schema.beat import Beat
 from limo.schema.config import Config
 from limo.schema.device import Device
 from limo.schema.inference import Inference
@@ -19,7 +20,14 @@ from limo.schema.section import FILE, NAME, Section
 from limo.schema.study import Study
 
 #: the models of the kinds of file, in the order of the reference; a section that several use stands with the first of them
-KINDS: dict[str, type[Section]] = {"study": Study, "config": Config, "device": Device, "airbag": Airbag, "inference": Inference}
+KINDS: dict[str, type[Section]] = {
+    "study": Study,
+    "config": Config,
+    "device": Device,
+    "airbag": Airbag,
+    "inference": Inference,
+    "beat": Beat,
+}
 #: what texts of a pattern are called
 PATTERNS = {NAME: "name", FILE: "name of a file"}
 #: units that descriptions state, longest first

@@ -89,7 +89,7 @@ def test_every_accepted_increment_becomes_a_row_of_volumes(solved):
         assert all(v.attrs["units"] == "ml" for n, v in history.data_vars.items() if "volume_" in n and "ratio" not in n)
         assert (history.strain_energy.attrs["units"], history.largest_displacement.attrs["units"]) == ("mJ", "mm")
     assert status["iterations"] == 9 + 8 * 3
-    assert status["iterations_by_stage"] == {"fit": 9 + 6, "hold": 6, "ramp": 12}
+    assert status["iterations_by_stage"] == {"fit": 9 + 6, "hold": 6, "ramp": 12, "cycle": 0}
     assert status["rejected_attempts"] == 1
     assert status["actuation_pressure_reached"] == pytest.approx(60.0)
     assert status["rested"]

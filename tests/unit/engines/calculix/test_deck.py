@@ -8,7 +8,7 @@ import pytest
 from limo.engines.calculix.deck import actuation_pressure_at, stage_times, write_deck
 from limo.mechanics.build import build_model
 from limo.schema.numerics import Mesh
-from limo.schema.section import STAGES
+from limo.schema.section import PLANNED
 
 VENTRICULAR, MAXIMUM = 13.8, 100.0  # kPa
 
@@ -64,7 +64,7 @@ def test_solver_clock_keeps_damping_times_rate(loaded, preset):
     """Quasi-statically only damping over duration matters: alpha_solver / solver time = alpha_stage / time, stage by stage."""
     numerics = loaded.config.numerics_presets[preset]
     times = stage_times(numerics, MAXIMUM)
-    solver_damping = max(getattr(numerics, s).damping for s in STAGES)
+    solver_damping = max(getattr(numerics, s).damping for s in PLANNED)
     for time, following in zip(times, [*times[1:], None], strict=True):
         stage = getattr(numerics, time.name)
         duration = stage.duration or MAXIMUM / stage.rate
@@ -76,7 +76,7 @@ def test_solver_clock_keeps_damping_times_rate(loaded, preset):
 
 def test_undamped_stages_run_in_their_own_time(loaded):
     numerics = loaded.config.numerics_presets["paper"]
-    undamped = numerics.model_copy(update={s: getattr(numerics, s).model_copy(update={"damping": 0.0}) for s in STAGES})
+    undamped = numerics.model_copy(update={s: getattr(numerics, s).model_copy(update={"damping": 0.0}) for s in PLANNED})
     durations = [t.duration for t in stage_times(undamped, MAXIMUM)]
     assert durations == pytest.approx([numerics.fit.duration, numerics.hold.duration, MAXIMUM / numerics.ramp.rate])
 
