@@ -33,10 +33,14 @@ from limo.accuracy.sizes import read_scaling
 from limo.accuracy.surfaces import SECTION
 from limo.config.project import Project
 from limo.errors import ResultError
+from limo.schema.config import Preset
 from limo.schema.study import ROLES
 from limo.store.files import UNREADABLE, write_netcdf
 from limo.store.machine import processor
 from limo.store.results import Results
+
+#: what a preset may say without being another one
+_UNSAID = {"description": ""}
 
 # --------------------------------------------------------------------------------------------------------------------
 # the kept dataset
@@ -307,3 +311,16 @@ def read_errors(file: Path) -> xr.Dataset:
     if missing := [n for n in wanted if n not in dataset]:
         raise ResultError(f"{file}: no variables {', '.join(missing)}")
     return dataset
+
+
+def under_presets(dataset: xr.Dataset, presets: Mapping[str, Preset]) -> xr.Dataset:
+    """Measured errors under the names that presets have now: a run of a preset that says something else today is of none.
+
+    A dataset that does not say what its presets were stays as it is.
+    """
+    if "presets" not in dataset.attrs:
+        return dataset
+    today = {json.dumps(preset.model_dump(mode="json") | _UNSAID): name for name, preset in presets.items()}
+    then = json.loads(dataset.attrs["presets"])
+    names = {name: today.get(json.dumps(preset | _UNSAID), "") for name, preset in then.items()}
+    return dataset.assign(preset=("run", np.array([names.get(name, "") for name in dataset.preset.values.tolist()], str)))

@@ -12,7 +12,8 @@ import pandas as pd
 import xarray as xr
 
 from limo.accuracy.statistics import rows_of
-from limo.accuracy.table import read_errors
+from limo.accuracy.table import read_errors, under_presets
+from limo.config.load import load_config
 from limo.errors import ResultError
 from limo.measure.states import lowest
 from limo.reports.markdown import read_rows
@@ -62,8 +63,9 @@ class Kept:
 
     @cached_property
     def errors(self) -> pd.DataFrame:
-        """The measured errors of the settings of the device, one row a run."""
-        return rows_of(read_errors(self.root / "docs/gallery/data/accuracy.nc"))
+        """The measured errors of the settings of the device, one row a run, under the presets of today."""
+        presets = load_config(str(self.root / "config/config.yaml")).config.presets
+        return rows_of(under_presets(read_errors(self.root / "docs/gallery/data/accuracy.nc"), presets))
 
     @cached_property
     def paths(self) -> pd.DataFrame:

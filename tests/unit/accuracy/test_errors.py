@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from dataclasses import replace
 from importlib import import_module
@@ -29,7 +30,7 @@ from limo.accuracy.runs import Run
 from limo.accuracy.sizes import COLUMNS
 from limo.accuracy.statistics import exponent, pareto, richardson, rows_of, settings_of
 from limo.accuracy.surfaces import CLOUD, STEP, Surface, sampled, section
-from limo.accuracy.table import gather_errors, joined, read_errors, write_errors
+from limo.accuracy.table import gather_errors, joined, read_errors, under_presets, write_errors
 from limo.cases.grid import study_cases
 from limo.config.project import Project
 from limo.errors import ResultError
@@ -211,9 +212,21 @@ def test_runs_are_known_by_the_presets_that_they_are(loaded, make_case):
         return preset_of(loaded, SimpleNamespace(case=make_case(**newton | changes)))
 
     for name, preset in loaded.config.presets.items():
-        assert named(mesh=preset.mesh) == name
+        numerics = loaded.config.numerics_presets[preset.numerics].for_engine("newton")
+        assert named(mesh=preset.mesh, numerics=numerics) == name
     assert named(mesh=Mesh(level="coarse")) == ""
     assert named(engine="calculix") == ""
+
+
+def test_measured_runs_bear_the_names_that_their_presets_have_today(loaded):
+    then = {name: loaded.config.presets[name].model_dump(mode="json") for name in ("preview", "bricks")}
+    kept = xr.Dataset(
+        {"preset": ("run", ["standard", "preview", ""])},
+        attrs={"presets": json.dumps({"preview": then["preview"], "standard": then["bricks"] | {"description": "of old"}})},
+    )
+    assert under_presets(kept, loaded.config.presets).preset.values.tolist() == ["bricks", "preview", ""]
+    without = {name: preset for name, preset in loaded.config.presets.items() if name != "bricks"}
+    assert under_presets(kept, without).preset.values.tolist() == ["", "preview", ""]
 
 
 def test_what_studies_are_for_stands_in_their_files(loaded):
@@ -395,7 +408,7 @@ def test_rows_say_what_ran_and_how_wrong_it_is(gathered):
     assert newton.error_stress == pytest.approx(0.1)
     assert newton.error_volumes == pytest.approx(0.1)
     assert (newton.varied, newton.preset, newton.degrees_of_freedom) == ("", "preview", 84000)
-    assert by.loc["accuracy", "newton_medium", 0].preset == "standard"
+    assert by.loc["accuracy", "newton_medium", 0].preset == "bricks"
     assert by.loc["accuracy", "damped", 0].change == "ramp.damping 1e+07"
     assert by.loc["reference", "reference", 1].error_stress == pytest.approx(0.0, abs=1e-12)
     means = rows[(rows.kind == "mean") & (rows.part == "scatter")].set_index("setting")
@@ -433,7 +446,7 @@ def test_the_report_answers_from_the_rows(gathered, loaded):
     assert "ramp.damping 1e+07 1/s" in damping
     assert damping.count("not harmless") == 1
     mesh = answers[QUESTIONS["mesh"]]
-    assert mesh.startswith("`medium` with newton, preset `standard`, for 400 s is the cheapest")
+    assert mesh.startswith("`medium` with newton, preset `bricks`, for 400 s is the cheapest")
     paper = answers[QUESTIONS["paper"]]
     assert "with newton: largest w 1.5% (at most 2.0%, met)" in paper
     assert "with calculix: largest w 3.0% (at most 2.0%, **not met**)" in paper
@@ -449,8 +462,8 @@ def test_the_report_answers_from_the_rows(gathered, loaded):
     scaling = text.split("### What it takes")[1].split("###")[0]
     assert "| 1.50 | 1.00 | 64000 | 512.0 | 6400 | 245760 |" in scaling, "a time that grows eightfold with four times the size"
     assert re.search(r"\| lost \| coarse \| calculix \| \d+ \| diverged ", text)
-    branches = loaded.config.presets["standard"].branches
-    assert re.search(rf"\| np4 \| standard \| medium \| quarter \| newton \| {branches} \| 400 \| 3600 \| 1\.5% ", text)
+    branches = loaded.config.presets["bricks"].branches
+    assert re.search(rf"\| np4 \| bricks \| medium \| quarter \| newton \| {branches} \| 400 \| 3600 \| 1\.5% ", text)
     other = {**loaded.config.presets, "mine": Preset(mesh=Mesh(level="coarse"))}
     assert re.search(rf"\| np4 \| mine \| coarse \| quarter \| newton \| 1 \| {NOT_MEASURED} ", device_report(gathered, other))
 
@@ -481,7 +494,7 @@ def test_figures_are_drawn_from_the_kept_dataset_alone(gathered, name, root, tmp
     style.close(figure)
     assert (tmp_path / "figure.png").stat().st_size > 10_000
     if name == "accuracy_cost":
-        assert {"preset preview", "preset standard", "preset reference", "newton"} <= shown
+        assert {"preset preview", "preset bricks", "preset reference", "newton"} <= shown
         assert not {"preview", "lost", "damped"} & shown, "not on the front"
     assert (root / f"workflow/report/{name}.rst").stat().st_size > 50
     drawn = module.draw(gathered.isel(run=gathered.kind.values != "run", section=slice(0), size=slice(0)))
