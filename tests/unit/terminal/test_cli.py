@@ -155,7 +155,17 @@ def ask(line, tmp_path, *options):
         ("status --cores ", set()),
         (
             "check --draw s",
-            {"svg", "stress", "strain_paths", "symmetry", "scatter_np4", "scatter_np8", "shells_np4", "seam_positions", "surface"},
+            {
+                "svg",
+                "stress",
+                "strain_paths",
+                "symmetry",
+                "scatter_np4",
+                "scatter_np8",
+                "shells_np4",
+                "seam_positions",
+                "surface",
+            },
         ),
         ("check --config conf", {"config/"}),
         ("pattern m", {"mini_limo"}),
