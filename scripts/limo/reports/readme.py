@@ -231,8 +231,8 @@ def contact(kept: Kept) -> str:
     return (
         "**Layers touch with engine newton alone, and where `contact` asks for it.** At `standard` front and back, and both "
         f"layers of a pouch, press on each other. {collected} Elsewhere strokes are too large once front and back touch. "
-        "Neighbouring pouches and folds of the outer edge pass through each other everywhere; `contact_outer` flags that. Figures mark "
-        "states in which front and back touch pale or with a star, from the first stored frame on."
+        "Neighbouring pouches and folds of the outer edge pass through each other everywhere; `contact_outer` flags that. "
+        "Figures mark states in which front and back touch pale or with a star, from the first stored frame on."
     )
 
 
