@@ -45,6 +45,7 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
     varied = [d for d in dataset.case_status.dims if d != "branch" and dataset.sizes[d] > 1]
     along = next((name for name in ALONG if name in varied), "n_pouches")
     others = [d for d in varied if d != along]
+    dataset = dataset.isel({d: 0 for d in dataset.case_status.dims if d not in (along, "branch", *others)})
     numbers = numbers_of(dataset)
     columns = 4 if len(numbers) > 6 else max(3, (len(numbers) + 1) // 2)
     figure, *rows = style.two_rows(columns, len(numbers) - columns, 2.6 * columns, 5.2)

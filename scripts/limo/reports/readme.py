@@ -200,7 +200,7 @@ def times(kept: Kept) -> str:
 
 def limits(kept: Kept) -> str:
     """The limits that have numbers, as a list."""
-    made = (geometry, contact, preview, full_integration, wrinkles, ratio)
+    made = (geometry, contact, opening, preview, full_integration, wrinkles, ratio)
     return "\n".join(wrapped(f"- {limit(kept)}") for limit in made)
 
 
@@ -212,9 +212,9 @@ def geometry(kept: Kept) -> str:
         rest[kept.level(part)] = float(volume.isel(actuation_pressure=0).squeeze())
     (level, fine), (other, coarse) = rest.items()
     return (
-        "**Outlines and seams of N_p = 6 and 10 are not public.** Their widths are fitted, not measured. The ventricle of N_p = "
-        f"8 holds {fine:.0f} ml at rest (mesh level {level}; {coarse:.0f} ml at {other}). The real device holds 300 ml "
-        "(`docs/methods.md`)."
+        "**Outlines and seams of N_p = 6 and 10 are not public.** The outline is derived from a published mesh, the seams follow "
+        "a rule (`docs/geometry.md`). Nothing is calibrated. The ventricle of N_p = 8 holds "
+        f"{fine:.0f} ml at rest (mesh level {level}; {coarse:.0f} ml at {other}). The real device holds 300 ml."
     )
 
 
@@ -223,15 +223,31 @@ def contact(kept: Kept) -> str:
     touches = kept.loads(STANDARD).contact_front_back
     devices = touches.n_pouches.values[touches.notnull().any([d for d in touches.dims if d != "n_pouches"]).values]
     first = touches.isel(ventricular_pressure=0)
-    collected = f"At mesh level {kept.level(STANDARD)} this happens for no device."
+    collected = "Front and back meet in no device there."
     if len(devices):
-        collected = (
-            f"At mesh level {kept.level(STANDARD)} this happens for N_p = {listed([str(n) for n in devices])} only. At P_v = "
-            f"{float(first.ventricular_pressure):g} kPa the first such frame is at P_a = {float(first.min()):.1f} kPa."
-        )
+        at = f"P_v = {float(first.ventricular_pressure):g} kPa"
+        lowest_pressure = f"from P_a = {float(first.min()):.0f} kPa on" if bool(first.notnull().any()) else "not at all"
+        collected = f"Front and back meet in N_p = {listed([str(n) for n in devices])}, at {at} {lowest_pressure}."
     return (
-        f"**The model has no contact.** Strokes are too large once front and back touch. {collected} Figures mark such states "
-        "pale or with a star, from the first stored frame on."
+        "**Layers touch with engine newton alone, and where `contact` asks for it.** At `standard` front and back, and both "
+        f"layers of a pouch, press on each other. {collected} Elsewhere strokes are too large once front and back touch. "
+        "Neighbouring pouches and folds of the outer edge pass through each other everywhere; `contact_outer` flags that. "
+        "Figures mark states in which front and back touch pale or with a star, from the first stored frame on."
+    )
+
+
+def opening(kept: Kept) -> str:
+    """How far collapsed pouches open before P_a reaches P_v."""
+    loads = kept.loads(STANDARD)
+    rest = loads.ventricle_volume.isel(actuation_pressure=0, drop=True)
+    share = 100 * loads.actuation_volume / rest
+    over = loads.actuation_pressure / loads.ventricular_pressure
+    still = over.where(share <= 1).max("actuation_pressure")
+    at = share.interp(actuation_pressure=loads.ventricular_pressure)
+    return (
+        f"**Pouches open before P_a reaches P_v.** V_a is below 1 % of V_v up to P_a = {float(still.min()):.1f} to "
+        f"{float(still.max()):.1f} P_v, and {float(at.min()):.1f} to {float(at.max()):.1f} % of it at P_v: more at a higher "
+        "P_v, for the outer layer stretches (`docs/methods.md`)."
     )
 
 

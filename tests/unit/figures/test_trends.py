@@ -33,7 +33,7 @@ def study_of(along: str, values: list[float]) -> xr.Dataset:
 @pytest.mark.parametrize(("along", "scale"), [("fabric_angle", "linear"), ("bending_factor", "log")])
 def test_the_lowest_solutions_are_drawn_over_what_is_varied_with_bars_of_the_others(along, scale):
     values = [0.1, 0.5, 1.0]
-    figure = trends.draw(study_of(along, values))
+    figure = trends.draw(study_of(along, values).expand_dims(aspect_ratio=[2.0]))
     strokes = next(axis for axis in figure.axes if axis.get_ylabel().startswith("Stroke"))
     first, second = strokes.get_lines()
     np.testing.assert_allclose(first.get_xdata(), values)
