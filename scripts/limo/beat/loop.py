@@ -1,7 +1,7 @@
 """A closed loop of one device or two: pressures of ventricles, pouches, arteries and veins over time.
 
-Volumes of a device follow both of its pressures, (V_v, V_a) = F(P_v, P_a), on the sheet that it is on. With flows Q in ml/s, air n
-(in ml at one atmosphere, isothermal), the atmosphere P_0 and the dead volume V_d,
+Volumes of a device follow both of its pressures, (V_v, V_a) = F(P_v, P_a), on the sheet that it is on. With flows Q in ml/s,
+air n (in ml at one atmosphere, isothermal), the atmosphere P_0 and the dead volume V_d,
 
     dV_v/dt = Q_in - Q_out
     P_0 dn/dt = d/dt [(P_a + P_0)(V_a + V_d)] = P_0 (P_source - P_a) / R_line
@@ -98,7 +98,7 @@ def volumes_at(table: np.ndarray, grid: np.ndarray, sheet: int, p_v: float, p_a:
         outside = 1
     elif x > rows - 1:
         outside = 2
-    if y < -0.2:  # a vented pouch swings about zero by a breath
+    if y < -3.0:  # a vented pouch swings about zero by some 1 kPa; there the first cell goes on
         outside = 3
     elif y > columns - 1:
         outside = 4

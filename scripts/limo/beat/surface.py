@@ -1,20 +1,25 @@
 """Surfaces of a device: V_v and V_a over P_v and P_a, a sheet for loading and one for unloading, from a study of legs.
 
-Between the pressures of the study a volume is interpolated by monotone cubics (PCHIP, scipy), first over P_v and then over P_a,
-onto a fine table; within a cell of that it is bilinear, with the gradient that belongs to it. So it is continuous, has no
-maximum that the study has not, and what flows in along a path is what the volume gains.
+The volumes of a sheet are the gradient of one potential, fitted to those of the study (``limo.beat.potential``). A fine table of
+them is bilinear within its cells. So a volume is continuous and rises with its own pressure, and a closed way on a sheet costs
+nothing.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 import xarray as xr
 from scipy.interpolate import PchipInterpolator
 
+from limo.beat.potential import Potential, fitted
 from limo.errors import ResultError
+from limo.measure.states import lowest
+from limo.store.files import UNREADABLE, write_netcdf
 from limo.store.statuses import USABLE
 
 SHEETS = ("loading", "unloading")
@@ -29,12 +34,16 @@ FEWEST_PRESSURES = 4
 
 @dataclass(frozen=True)
 class Surface:
-    """``volumes`` (2, 2, m, n) in ml: sheets, V_v and V_a, over ``ventricular`` (m,) and ``actuation`` (n,) in kPa."""
+    """``volumes`` (2, 2, m, n) in ml: sheets, V_v and V_a, over ``ventricular`` (m,) and ``actuation`` (n,) in kPa.
+
+    ``known``: the potentials of both sheets where they have been fitted before; that takes seconds.
+    """
 
     device: str
     ventricular: np.ndarray
     actuation: np.ndarray
     volumes: np.ndarray
+    known: tuple[Potential, Potential] | None = None
 
     @cached_property
     def places(self) -> tuple[np.ndarray, np.ndarray]:
@@ -45,10 +54,18 @@ class Surface:
         )
 
     @cached_property
+    def potentials(self) -> tuple[Potential, Potential]:
+        """Of both sheets."""
+        return self.known or tuple(fitted(self.ventricular, self.actuation, sheet) for sheet in self.volumes)
+
+    @cached_property
     def table(self) -> np.ndarray:
         """Volumes (2, 2, M, N) in ml at ``places``."""
-        over_ventricular = PchipInterpolator(self.ventricular, self.volumes, axis=2)(self.places[0])
-        return PchipInterpolator(self.actuation, over_ventricular, axis=3)(self.places[1])
+        return np.stack([potential.volumes(*self.places) for potential in self.potentials])
+
+    def misfit(self) -> np.ndarray:
+        """What the potentials miss the study's volumes by (2, 2, m, n), in ml: of each sheet, V_v and V_a."""
+        return np.stack([p.volumes(self.ventricular, self.actuation) for p in self.potentials]) - self.volumes
 
     @cached_property
     def range(self) -> float:
@@ -73,7 +90,8 @@ class Surface:
     def left_out(self) -> dict[str, np.ndarray]:
         """What leaving each inner P_v out changes there: root mean square over P_a in ml, (m - 2,), by volume and sheet.
 
-        The tables are made of all; so this is an upper estimate of their error between two P_v.
+        Each volume for itself, by monotone cubics over P_v. The potentials are fitted to all, and both volumes of one belong
+        together; so this is an upper estimate of their error between two P_v.
         """
         errors = {}
         for s, sheet in enumerate(SHEETS):
@@ -86,8 +104,8 @@ class Surface:
                 errors[f"{volume}_{sheet}"] = np.array(rows)
         return errors
 
-    def dataset(self) -> xr.Dataset:
-        """The table with its gradients, to be stored: volumes in ml, gradients in ml/kPa."""
+    def slopes(self) -> xr.Dataset:
+        """Volumes in ml at ``places``, and their slopes in ml/kPa."""
         p_v, p_a = self.places
         dims = ("sheet", "ventricular_pressure", "actuation_pressure")
         values = {}
@@ -97,12 +115,60 @@ class Surface:
             for axis, (along, places, text) in enumerate((("ventricular", p_v, "P_v"), ("actuation", p_a, "P_a"))):
                 slope = np.gradient(volume, places, axis=1 + axis)
                 values[f"{name}_by_{along}_pressure"] = dims, slope, {"units": "ml/kPa", "long_name": f"d{symbol} / d{text}"}
-        coordinates = {
-            "sheet": list(SHEETS),
-            "ventricular_pressure": ("ventricular_pressure", p_v, {"units": "kPa", "long_name": "ventricular pressure, P_v"}),
-            "actuation_pressure": ("actuation_pressure", p_a, {"units": "kPa", "long_name": "actuation pressure, P_a"}),
+        return xr.Dataset(values, {"sheet": list(SHEETS), dims[1]: p_v, dims[2]: p_a}, {"device": self.device})
+
+
+def surfaces_of(dataset: xr.Dataset) -> dict[int, Surface]:
+    """The surfaces of all devices of a study, by N_p. Raises as ``surface_of``."""
+    return {int(n): surface_of(dataset, int(n)) for n in dataset.n_pouches.values}
+
+
+def write_surfaces(surfaces: Mapping[int, Surface], file: Path) -> None:
+    """Keep the surfaces of one study with their potentials, and the slopes of their tables."""
+    one = next(iter(surfaces.values()))
+    dims = ("n_pouches", "sheet")
+    potentials = [surface.potentials for surface in surfaces.values()]
+    data = {
+        "volume": ((*dims, "of", "ventricular_pressure", "actuation_pressure"), [s.volumes for s in surfaces.values()]),
+        "coefficient": ((*dims, "a", "b"), [[p.coefficients for p in pair] for pair in potentials]),
+        "knot": ("c", potentials[0][0].actuation),
+    }
+    coordinates = {
+        "n_pouches": list(surfaces),
+        "sheet": list(SHEETS),
+        "of": ["ventricle", "pouches"],
+        "ventricular_pressure": ("ventricular_pressure", one.ventricular, {"units": "kPa", "long_name": "P_v"}),
+        "actuation_pressure": ("actuation_pressure", one.actuation, {"units": "kPa", "long_name": "P_a"}),
+    }
+    dataset = xr.Dataset(data, coordinates)
+    dataset.volume.attrs |= {"units": "ml", "long_name": "volumes of the study"}
+    dataset.coefficient.attrs |= {"units": "mJ", "long_name": "of the potential, on cubic splines over P_v and the knots"}
+    dataset.knot.attrs |= {"units": "kPa", "long_name": "knots over P_a"}
+    slopes = xr.concat([surface.slopes() for surface in surfaces.values()], "n_pouches")
+    renamed = {"ventricular_pressure": "place_ventricular", "actuation_pressure": "place_actuation"}
+    dataset = dataset.merge(slopes.rename(renamed), combine_attrs="drop")
+    small = {"zlib": True, "dtype": "float32", "complevel": 9, "shuffle": True}
+    write_netcdf(dataset, file, {name: small for name in ("volume", *slopes.data_vars)}, checked=False)
+
+
+def read_surfaces(file: Path) -> dict[int, Surface]:
+    """What ``write_surfaces`` wrote. Raises ``ResultError``."""
+    try:
+        with xr.open_dataset(file) as opened:
+            dataset = opened.load()
+        p_v, p_a = (dataset[f"{name}_pressure"].values for name in ("ventricular", "actuation"))
+        return {
+            int(n): Surface(
+                f"N_p = {int(n)}",
+                p_v,
+                p_a,
+                dataset.volume.values[k].astype(float),
+                tuple(Potential(p_v, dataset.knot.values, c) for c in dataset.coefficient.values[k]),
+            )
+            for k, n in enumerate(dataset.n_pouches.values)
         }
-        return xr.Dataset(values, coordinates, {"device": self.device})
+    except (*UNREADABLE, AttributeError) as error:
+        raise ResultError(f"{file}: no surfaces of a study ({error})") from None
 
 
 def surface_of(dataset: xr.Dataset, n_pouches: int | None = None) -> Surface:
@@ -110,8 +176,6 @@ def surface_of(dataset: xr.Dataset, n_pouches: int | None = None) -> Surface:
 
     Raises ``ResultError``, which names what is lacking and what to change in the study.
     """
-    from limo.measure.states import lowest
-
     if VOLUMES[0] not in dataset or dataset.sizes["leg"] < 2:
         raise ResultError('no unloading in this study; a surface needs actuation: [0, "max", 0] there')
     dataset = lowest(dataset)

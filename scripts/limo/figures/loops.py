@@ -1,4 +1,4 @@
-"""Loops of a load cycle: V_v and V_a over P_a on all legs, a column for each P_v."""
+"""Loops of a load cycle: V_v and V_a over P_a on all legs, a column for each P_v or each N_p, whatever has fewer values."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ ROWS = {
 }
 #: of the ramp, then of way back and way there in turn: the first cycle in full, what follows thinner
 _LINES = ("-", "--")
+_NAMES = {"ventricular_pressure": "$P_v$ = {:g} kPa", "n_pouches": "$N_p$ = {}"}
 
 
 def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
@@ -26,17 +27,20 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
     """
     rest = {d: 0 for d in dataset.case_status.dims if d not in ("n_pouches", "ventricular_pressure", "branch")}
     dataset = lowest(dataset.isel(rest))
-    pressures, pouches = dataset.ventricular_pressure.values, dataset.n_pouches.values
-    figure, *rows = style.two_rows(len(pressures), len(pressures), max(3.2 * len(pressures), 4.8), 5.6)
+    across, within = sorted(_NAMES, key=lambda axis: dataset.sizes[axis])
+    columns, lines = dataset[across].values, dataset[within].values
+    figure, *rows = style.two_rows(len(columns), len(columns), max(2.6 * len(columns), 4.8), 5.6)
     for row, (name, text) in zip(rows, ROWS.items(), strict=True):
-        for axis, p_v in zip(row, pressures, strict=True):
-            for k, n_pouches in enumerate(pouches):
-                case = dataset.sel(ventricular_pressure=p_v, n_pouches=n_pouches)
-                _legs(axis, case, name, style.COLORS[k % len(style.COLORS)])
-            axis.set_title(f"$P_v$ = {p_v:g} kPa", fontsize=9)
+        for axis, column in zip(row, columns, strict=True):
+            for k, line in enumerate(lines):
+                _legs(axis, dataset.sel({across: column, within: line}), name, style.COLORS[k % len(style.COLORS)])
+            axis.set_title(_NAMES[across].format(column), fontsize=9)
             axis.set_xlabel("$P_a$ [kPa]")
         row[0].set_ylabel(text)
-    handles = [Line2D([], [], color=style.COLORS[k % len(style.COLORS)], label=f"$N_p$ = {n}") for k, n in enumerate(pouches)]
+    handles = [
+        Line2D([], [], color=style.COLORS[k % len(style.COLORS)], label=_NAMES[within].format(line))
+        for k, line in enumerate(lines)
+    ]
     handles += [
         Line2D([], [], color="0.4", ls=line, label=label) for line, label in zip(_LINES, ("loading", "unloading"), strict=True)
     ]

@@ -8,20 +8,17 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-import xarray as xr
 
 from limo.beat.linear import fitted, linear_surface
 from limo.beat.periodic import MMHG, PERIODIC_STATE, Beating, beating
-from limo.beat.surface import Surface, surface_of
+from limo.beat.surface import Surface, read_surfaces
 from limo.beat.sweep import held, with_keys
 from limo.config.yaml_file import parse, read_yaml
-from limo.errors import ResultError
 from limo.reports.markdown import markdown_table
 from limo.schema.beat import Beat
-from limo.store.files import UNREADABLE
 
-#: kept by ``limo gallery surface``, and where circulations are
-KEPT, CIRCULATIONS = Path("docs/gallery/data/surface.nc"), Path("config/beats")
+#: kept by ``limo beat surface --keep``, and where circulations are
+KEPT, CIRCULATIONS = Path("docs/data/surfaces.nc"), Path("config/beats")
 #: the device of tables of one, and pressures (kPa) over which the linear law is fitted: those of a beat
 DEVICE, FITTED_VENTRICULAR, FITTED_ACTUATION = 8, (0.5, 20.0), (0.0, 100.0)
 #: peripheral resistances of the rule over that of the circulation, and the pressures (kPa) that a driver may have
@@ -34,12 +31,7 @@ def parts(root: Path) -> dict[str, Callable[[], str]]:
 
     @cache
     def surfaces() -> dict[int, Surface]:
-        try:
-            with xr.open_dataset(root / KEPT) as opened:
-                dataset = opened.load()
-        except UNREADABLE as error:
-            raise ResultError(f"{root / KEPT}: no surfaces ({error}); limo gallery surface keeps them") from None
-        return {int(n): surface_of(dataset, int(n)) for n in dataset.n_pouches.values}
+        return read_surfaces(root / KEPT)
 
     @cache
     def circulations() -> dict[str, Beat]:
@@ -92,12 +84,18 @@ def _surfaces(surfaces: dict[int, Surface]) -> str:
             {
                 "N_p": n,
                 "range of V_v [ml]": f"{surface.range:.0f}",
+                "potential misses V_v: mean, largest [ml]": _mean(surface.misfit()[:, 0]),
+                "V_a [ml]": _mean(surface.misfit()[:, 1]),
                 "V_v without a P_v: median, largest [ml]": _two(errors["ventricle_loading"], errors["ventricle_unloading"]),
                 "V_a without a P_v [ml]": _two(errors["actuation_loading"], errors["actuation_unloading"]),
                 "sheets of V_v apart: mean, largest [ml]": f"{apart[0].mean():.1f}, {apart[0].max():.0f}",
             }
         )
     return markdown_table(pd.DataFrame(rows))
+
+
+def _mean(errors: np.ndarray) -> str:
+    return f"{np.sqrt((errors**2).mean()):.1f}, {np.abs(errors).max():.0f}"
 
 
 def _two(*errors: np.ndarray) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -9,14 +10,14 @@ import numpy as np
 import xarray as xr
 
 from limo.beat.periodic import MMHG, PERIODIC_STATE, Beating, beating
-from limo.beat.surface import Surface, surface_of
+from limo.beat.surface import Surface, read_surfaces, surfaces_of, write_surfaces
 from limo.beat.sweep import swept
 from limo.config.yaml_file import parse, read_yaml
 from limo.errors import ConfigError, ResultError
 from limo.figures import beat as figure
 from limo.figures import style
 from limo.schema.beat import Beat
-from limo.store.files import UNREADABLE, write_netcdf
+from limo.store.files import UNREADABLE, write_netcdf, write_whole
 from limo.store.results import Results
 from limo.terminal.settings import with_settings
 
@@ -35,17 +36,29 @@ def beat_of(folder: Path, name: str, settings: Sequence[str]) -> Beat:
     return parse(Beat, with_settings(read_yaml(file), settings, COMMAND, "--set 'driver.rate=80 1/min'"), file)
 
 
-def read_surface(study: str, results: Path, n_pouches: int | None) -> tuple[Surface, str]:
-    """The surface of one device of a study, or of a study's file, and a name for it."""
+def read_surface(study: str, results: Path, n_pouches: int | None, kept: Path | None = None) -> tuple[Surface, str]:
+    """The surface of one device of a study, or of a study's file, and a name for it; ``kept``: where all are kept, too.
+
+    Surfaces are fitted once for a study, and lie beside its dataset.
+    """
     file = Path(study) if study.endswith(".nc") else Results(results).study(study).dataset
-    try:
-        with xr.open_dataset(file) as dataset:
-            surface = surface_of(dataset.load(), n_pouches)
-    except UNREADABLE:
-        raise ResultError(f"{file}: no dataset of a study; snakemake {study} makes it") from None
-    except ResultError as error:
-        raise ResultError(f"{file}: {error}") from None
-    return surface, f"{Path(study).stem}_{surface.device.replace('N_p = ', 'np')}"
+    aside = file.with_name(f"{file.stem}_surfaces.nc")
+    if not (aside.exists() and file.exists() and aside.stat().st_mtime >= file.stat().st_mtime):
+        try:
+            with xr.open_dataset(file) as dataset:
+                write_surfaces(surfaces_of(dataset.load()), aside)
+        except UNREADABLE:
+            raise ResultError(f"{file}: no dataset of a study; snakemake {study} makes it") from None
+        except ResultError as error:
+            raise ResultError(f"{file}: {error}") from None
+    if kept is not None:
+        write_whole(kept, lambda path: shutil.copyfile(aside, path))
+    surfaces = read_surfaces(aside)
+    if n_pouches is None and len(surfaces) == 1:
+        n_pouches = next(iter(surfaces))
+    if n_pouches not in surfaces:
+        raise ConfigError(COMMAND, "--device", n_pouches, f"one of {', '.join(map(str, surfaces))}", "--device 8")
+    return surfaces[n_pouches], f"{Path(study).stem}_np{n_pouches}"
 
 
 def values_of(texts: Sequence[str]) -> dict[str, np.ndarray]:
@@ -92,10 +105,11 @@ def run_sweep(surface: Surface, beat: Beat, keys: dict[str, np.ndarray], folder:
 
 def _lines(found: Beating, surface: Surface) -> list[str]:
     between = max(float(np.max(errors)) for name, errors in surface.left_out().items() if name.startswith("ventricle"))
+    missed = float(np.sqrt((surface.misfit()[:, 0] ** 2).mean()))
     lines = [
         f"{surface.device}: {found.status} after {found.beats} beats, drift {100 * found.drift:.2g} % a beat",
         *([f"  {found.reason}"] if found.reason else []),
-        f"  between two P_v of the study V_v is known within {between:.0f} ml (what leaving one out changes there)",
+        f"  the surface misses V_v of the study by {missed:.1f} ml; between two P_v, leaving one out changes {between:.0f} ml",
     ]
     for k in range(len(found.traces)):
         n = {name: float(value[k]) for name, value in found.numbers.items()}

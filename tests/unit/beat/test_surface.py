@@ -6,16 +6,17 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from limo.beat.surface import JOINED, Surface, surface_of
+from limo.beat.surface import Surface, read_surfaces, surface_of, write_surfaces
 from limo.errors import ResultError
 
 P_V, P_A = np.array([0.0, 2.0, 5.0, 10.0, 20.0]), np.arange(0.0, 61.0, 1.0)
 
 
 def study(apart: float = 0.0) -> xr.Dataset:
-    """V_v = 100 + 60 sqrt(P_v) - P_a, V_a = 2 P_a - P_v; on the way down V_v is ``apart`` ml less between 20 and 40 kPa."""
+    """V_v = 100 + 60 sqrt(P_v) - P_a, V_a = 3 P_a - P_v, which have a potential; on the way down V_v is ``apart`` ml less between
+    20 and 40 kPa."""
     p_v, p_a = np.meshgrid(P_V, P_A, indexing="ij")
-    ventricle, actuation = 100 + 60 * np.sqrt(p_v) - p_a, 2 * p_a - p_v
+    ventricle, actuation = 100 + 60 * np.sqrt(p_v) - p_a, 3 * p_a - p_v
     back = ventricle - apart * ((p_a > 20) & (p_a < 40))
     dims = ("n_pouches", "ventricular_pressure", "leg", "actuation_pressure")
     return xr.Dataset(
@@ -28,37 +29,72 @@ def study(apart: float = 0.0) -> xr.Dataset:
     )
 
 
-def test_volumes_of_the_study_are_met_and_none_lies_beyond_them():
-    surface = surface_of(study())
-    places = [np.flatnonzero(np.isclose(surface.places[0], p))[0] for p in P_V]
-    np.testing.assert_allclose(surface.table[0, 0][places][:, ::2], surface.volumes[0, 0], atol=1e-9)
-    assert (np.diff(surface.table[:, 0], axis=1) > 0).all(), "V_v rises with P_v"
-    assert (np.diff(surface.table[:, 0], axis=2) < 0).all(), "and falls with P_a"
+@pytest.fixture(scope="module")
+def smooth() -> Surface:
+    return surface_of(study())
 
 
-def test_leaving_a_pressure_out_tells_the_error_between_pressures():
-    surface = surface_of(study())
-    errors = surface.left_out()
+def test_volumes_of_a_device_with_a_potential_are_met_and_monotone(smooth):
+    assert np.abs(smooth.misfit()).max() < 1.0
+    assert (np.diff(smooth.table[:, 0], axis=1) > 0).all(), "V_v rises with P_v"
+    assert (np.diff(smooth.table[:, 0], axis=2) < 0).all(), "and falls with P_a"
+    assert (np.diff(smooth.table[:, 1], axis=2) > 0).all(), "V_a rises with P_a"
+
+
+def test_volumes_without_a_potential_are_missed_and_one_is_given():
+    """V_v that P_a does not change, beside V_a that P_v changes: no device is so."""
+    dataset = study()
+    dataset["leg_ventricle_volume"] = dataset.leg_ventricle_volume + dataset.actuation_pressure
+    surface = surface_of(dataset)
+    assert np.abs(surface.misfit()).max() > 3
+    first, *_ = surface.potentials
+    v, a = first.volumes(np.array([4.0, 4.001]), np.array([30.0, 30.001]))
+    by_actuation, by_ventricular = (v[0, 1] - v[0, 0]) / 1e-3, (a[1, 0] - a[0, 0]) / 1e-3
+    assert by_actuation == pytest.approx(by_ventricular, rel=1e-3)
+
+
+def test_leaving_a_pressure_out_tells_the_error_between_pressures(smooth):
+    errors = smooth.left_out()
     assert (errors["ventricle_loading"] > 1).all(), "a root of so few places is not met"
     np.testing.assert_allclose(errors["actuation_loading"], 0, atol=1e-9)
-    middle = surface.table[0, 0][np.flatnonzero(np.isclose(surface.places[0], 7.5))[0], 0]
+    middle = smooth.table[0, 0][np.flatnonzero(np.isclose(smooth.places[0], 7.5))[0], 0]
     assert abs(middle - (100 + 60 * np.sqrt(7.5))) < errors["ventricle_loading"].max()
 
 
-def test_sheets_are_joined_where_they_are_apart_by_less_than_their_share():
+def test_sheets_are_joined_where_they_are_apart_by_less_than_their_share(smooth):
     low, high = surface_of(study(apart=20.0)).joined
-    assert (np.abs(low - 20) <= 1).all()
-    assert (np.abs(high - 40) <= 1).all()
-    one = surface_of(study(apart=0.5 * JOINED * 100))
-    assert (one.joined == P_A[-1]).all()
+    assert (low <= 20).all()
+    assert (high >= 40).all()
+    assert (smooth.joined == P_A[-1]).all()
 
 
-def test_gradients_are_those_of_the_volumes():
-    dataset = surface_of(study()).dataset()
-    slope = dataset.actuation_volume_by_actuation_pressure
-    np.testing.assert_allclose(slope, 2, atol=1e-9)
-    np.testing.assert_allclose(dataset.actuation_volume_by_ventricular_pressure, -1, atol=1e-9)
-    assert slope.attrs["units"] == "ml/kPa"
+def test_the_device_is_stable_at_every_place_of_the_table(smooth):
+    slopes = smooth.slopes()
+    a, b, d = (
+        slopes[n].values
+        for n in (
+            "ventricle_volume_by_ventricular_pressure",
+            "ventricle_volume_by_actuation_pressure",
+            "actuation_volume_by_actuation_pressure",
+        )
+    )
+    assert (a * d - b * b > 0).all()
+
+
+def test_kept_surfaces_are_the_same(smooth, tmp_path):
+    write_surfaces({8: smooth}, tmp_path / "surfaces.nc")
+    again = read_surfaces(tmp_path / "surfaces.nc")[8]
+    np.testing.assert_allclose(again.table, smooth.table, atol=1e-9)
+    np.testing.assert_allclose(again.volumes, smooth.volumes, rtol=1e-6)
+    with pytest.raises(ResultError, match="no surfaces"):
+        read_surfaces(tmp_path / "other.nc")
+
+
+def test_slopes_are_those_of_the_volumes(smooth):
+    slopes = smooth.slopes()
+    np.testing.assert_allclose(slopes.actuation_volume_by_actuation_pressure, 3, atol=0.1)
+    np.testing.assert_allclose(slopes.actuation_volume_by_ventricular_pressure, -1, atol=0.3)
+    assert slopes.actuation_volume_by_actuation_pressure.attrs["units"] == "ml/kPa"
 
 
 @pytest.mark.parametrize(
@@ -77,8 +113,6 @@ def test_a_study_that_gives_no_surface_says_what_it_lacks(change, expected):
         surface_of(change(study()), 8)
 
 
-def test_a_surface_keeps_what_it_is_of():
-    surface = surface_of(study())
-    assert isinstance(surface, Surface)
-    assert surface.device == "N_p = 8"
-    assert surface.range == pytest.approx(60 * np.sqrt(20) + 60)
+def test_a_surface_keeps_what_it_is_of(smooth):
+    assert smooth.device == "N_p = 8"
+    assert smooth.range == pytest.approx(60 * np.sqrt(20) + 60)

@@ -23,6 +23,7 @@ def add_beat(commands: arguments.Commands) -> None:
     made.add_argument("--in", dest="circulation", default="healthy", metavar="NAME", help="a file of config/beats (%(default)s)")
     made.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="another number, with its unit")
     made.add_argument("--over", action="append", default=[], metavar="KEY=LOW:HIGH:COUNT", help="a sweep, in kPa, ml, s, 1/min")
+    made.add_argument("--keep", type=Path, metavar="FILE", help="keep the surfaces of all devices in a file, too")
     arguments.config(made)
     arguments.results(made)
 
@@ -32,6 +33,6 @@ def _beat(chosen: argparse.Namespace) -> None:
 
     keys = values_of(chosen.over)
     beat = beat_of(Path(chosen.config).parent / "beats", chosen.circulation, chosen.set)
-    surface, name = read_surface(chosen.surface, chosen.results, chosen.device)
+    surface, name = read_surface(chosen.surface, chosen.results, chosen.device, chosen.keep)
     folder = chosen.results / "beats" / f"{name}_{Path(chosen.circulation).stem}"
     print(run_sweep(surface, beat, keys, folder) if keys else run_beat(surface, beat, folder))
