@@ -45,4 +45,4 @@ def linear_surface(surface: Surface, law: LinearLaw) -> Surface:
     actuation = -law.actuation / law.elastance * p_v + compliance * p_a
     actuation += max(pouches.mean() - actuation.mean(), 1.0 - actuation.min())
     one = np.stack([ventricle, actuation])
-    return replace(surface, device=f"{surface.device}, linear law", volumes=np.stack([one, one]))
+    return replace(surface, device=f"{surface.device}, linear law", volumes=np.stack([one, one]), known=None)

@@ -7,9 +7,10 @@ the study and even P_a as its knots. Its gradient is fitted to both volumes by l
 - V_v rises with P_v, V_a rises with P_a, and V_v falls with P_a;
 - the matrix of their slopes is positive: the device is stable in a closed loop.
 
-The second derivatives that this is about are linear in the coefficients. Where the matrix has an eigenvalue that is too small, its
-eigenvector gives one more linear condition, until there is none (a cutting plane method). Least squares under linear inequalities
-are a problem of least distance, which non-negative least squares solve (Lawson and Hanson 1974, chapter 23; ``nnls`` of scipy).
+The second derivatives that this is about are linear in the coefficients. Where the matrix has an eigenvalue that is too small,
+its eigenvector gives one more linear condition, until there is none (a cutting plane method). Least squares under linear
+inequalities are a problem of least distance, which non-negative least squares solve (Lawson and Hanson 1974, chapter 23;
+``nnls`` of scipy).
 """
 
 from __future__ import annotations

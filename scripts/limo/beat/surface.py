@@ -123,8 +123,8 @@ def surfaces_of(dataset: xr.Dataset) -> dict[int, Surface]:
     return {int(n): surface_of(dataset, int(n)) for n in dataset.n_pouches.values}
 
 
-def write_surfaces(surfaces: Mapping[int, Surface], file: Path) -> None:
-    """Keep the surfaces of one study with their potentials, and the slopes of their tables."""
+def write_surfaces(surfaces: Mapping[int, Surface], file: Path, *, slopes: bool = True) -> None:
+    """Keep the surfaces of one study with their potentials; with ``slopes`` their tables, too, which take some MB."""
     one = next(iter(surfaces.values()))
     dims = ("n_pouches", "sheet")
     potentials = [surface.potentials for surface in surfaces.values()]
@@ -144,11 +144,14 @@ def write_surfaces(surfaces: Mapping[int, Surface], file: Path) -> None:
     dataset.volume.attrs |= {"units": "ml", "long_name": "volumes of the study"}
     dataset.coefficient.attrs |= {"units": "mJ", "long_name": "of the potential, on cubic splines over P_v and the knots"}
     dataset.knot.attrs |= {"units": "kPa", "long_name": "knots over P_a"}
-    slopes = xr.concat([surface.slopes() for surface in surfaces.values()], "n_pouches")
-    renamed = {"ventricular_pressure": "place_ventricular", "actuation_pressure": "place_actuation"}
-    dataset = dataset.merge(slopes.rename(renamed), combine_attrs="drop")
+    packed = ["volume"]
+    if slopes:
+        tables = xr.concat([surface.slopes() for surface in surfaces.values()], "n_pouches")
+        renamed = {"ventricular_pressure": "place_ventricular", "actuation_pressure": "place_actuation"}
+        dataset = dataset.merge(tables.rename(renamed), combine_attrs="drop")
+        packed += list(tables.data_vars)
     small = {"zlib": True, "dtype": "float32", "complevel": 9, "shuffle": True}
-    write_netcdf(dataset, file, {name: small for name in ("volume", *slopes.data_vars)}, checked=False)
+    write_netcdf(dataset, file, dict.fromkeys(packed, small), checked=False)
 
 
 def read_surfaces(file: Path) -> dict[int, Surface]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -17,7 +16,7 @@ from limo.errors import ConfigError, ResultError
 from limo.figures import beat as figure
 from limo.figures import style
 from limo.schema.beat import Beat
-from limo.store.files import UNREADABLE, write_netcdf, write_whole
+from limo.store.files import UNREADABLE, write_netcdf
 from limo.store.results import Results
 from limo.terminal.settings import with_settings
 
@@ -51,9 +50,9 @@ def read_surface(study: str, results: Path, n_pouches: int | None, kept: Path | 
             raise ResultError(f"{file}: no dataset of a study; snakemake {study} makes it") from None
         except ResultError as error:
             raise ResultError(f"{file}: {error}") from None
-    if kept is not None:
-        write_whole(kept, lambda path: shutil.copyfile(aside, path))
     surfaces = read_surfaces(aside)
+    if kept is not None:
+        write_surfaces(surfaces, kept, slopes=False)
     if n_pouches is None and len(surfaces) == 1:
         n_pouches = next(iter(surfaces))
     if n_pouches not in surfaces:
