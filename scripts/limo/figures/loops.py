@@ -29,7 +29,7 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
     dataset = lowest(dataset.isel(rest))
     across, within = sorted(_NAMES, key=lambda axis: dataset.sizes[axis])
     columns, lines = dataset[across].values, dataset[within].values
-    figure, *rows = style.two_rows(len(columns), len(columns), max(2.6 * len(columns), 4.8), 5.6)
+    figure, *rows = style.two_rows(len(columns), len(columns), max(2.6 * len(columns), 7.5), 5.6)
     for row, (name, text) in zip(rows, ROWS.items(), strict=True):
         for axis, column in zip(row, columns, strict=True):
             for k, line in enumerate(lines):
