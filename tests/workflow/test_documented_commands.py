@@ -92,6 +92,8 @@ def reader(solved, tmp_path_factory):
     shutil.copytree(ROOT / "workflow/profiles", folder / "workflow/profiles")
     shutil.copytree(solved.folder / "results", folder / "results")
     (folder / "results/studies/tiny").rename(folder / "results/studies/pressure_volume")
+    (folder / "results/studies/surface").mkdir()
+    shutil.copyfile(ROOT / "docs/gallery/data/surface.nc", folder / "results/studies/surface/study.nc")
     return folder
 
 
