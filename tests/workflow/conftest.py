@@ -189,7 +189,8 @@ def everything(tmp_path_factory: pytest.TempPathFactory) -> Project:
             cross_check=1,
             outputs=["volumes", "contact", "stress", "strain", "fatigue", "fields"],
             frames=[0.0, 4.3, "max"],
-            figures=["pressure_volume", "von_mises", "cycles", "strain_paths", "buckling"],
+            actuation=[0, "max", 0],
+            figures=["pressure_volume", "von_mises", "cycles", "strain_paths", "buckling", "loops"],
             measured="config/measured/curves_synthetic.csv",
         )
         airbags = project.folder / "config" / "airbags"

@@ -116,7 +116,9 @@ class Case:
         """Plain data from which ``from_dict`` makes the same case again (for passing it between processes)."""
         values = {f.name: getattr(self, f.name) for f in fields(self)}
         plain = {k: v.model_dump(mode="json") if hasattr(v, "model_dump") else v for k, v in values.items()}
-        return plain | {"fit_levels": [level.model_dump(mode="json") for level in self.fit_levels]}
+        plain["fit_levels"] = [level.model_dump(mode="json") for level in self.fit_levels]
+        cycle = [list(point) for point in plain.pop("cycle")]
+        return plain | ({"cycle": cycle} if cycle else {})
 
     @classmethod
     def from_dict(cls, data: dict[str, Any]) -> Case:

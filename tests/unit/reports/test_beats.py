@@ -42,7 +42,7 @@ def test_a_linear_device_is_its_linear_law(project):
 
 def test_sheets_and_errors_of_linear_surfaces_are_none(project):
     rows = beats.parts(project)["surfaces"]().splitlines()[2:]
-    assert [row.split(" | ")[2:] for row in rows] == [["0.0, 0", "0.0, 0", "0.0, 0 |"]] * 2
+    assert [row.split(" | ")[2:] for row in rows] == [["0.0, 0", "0.0, 0", "0.0, 0", "0.0, 0", "0.0, 0 |"]] * 2
 
 
 def test_more_afterload_wants_more_pressure(project):

@@ -16,7 +16,7 @@ from limo.terminal.cli import main, make_parser, split
 from limo.terminal.completion import script
 
 COMMANDS = (
-    "check", "new-study", "pattern", "status", "sweep", "show", "compare", "table", "benchmark", "performance", "clean",
+    "check", "new-study", "pattern", "status", "sweep", "show", "compare", "table", "beat", "benchmark", "performance", "clean",
     "completion", "paper-check", "gallery", "page", "accuracy", "reliability", "import-pattern", "docs", "tensile", "measured",
     "derive-outline", "jobs", "infer",
 )  # fmt: skip

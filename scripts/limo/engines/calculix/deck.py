@@ -20,7 +20,8 @@ from limo.schema.section import PLANNED, STAGES
 
 #: more than any run takes
 MOST_INCREMENTS = 1_000_000
-_KEPT_OF_FIT = 5
+#: increments of the fit and of the hold that are kept with a cycle
+_KEPT_OF_FIT, _KEPT_OF_HOLD = 5, 10
 BRICK_SIDE = {"bottom": "P1", "top": "P2"}
 
 
@@ -80,13 +81,13 @@ def history_of(loading: Loading, times: tuple[StageTime, ...]) -> np.ndarray:
 def kept_times(model: Model, times: tuple[StageTime, ...]) -> np.ndarray:
     """Times (k,) of the solver at which increments end and are kept; without a cycle none, for then every increment is.
 
-    CalculiX meets a turn of the load only where it is told to, and then keeps the times that it is told alone: some of the fit,
-    and on each leg those at most half of the largest increment apart.
+    CalculiX meets a turn of the load only where it is told to, and then keeps the times that it is told alone: some of fit and
+    hold, and on each leg those at most half of the largest increment apart.
     """
     loading = model.loading
     if not loading.cycle:
         return np.empty(0)
-    counts, spacing = [_KEPT_OF_FIT, 1], 0.5 * model.numerics.largest_increment
+    counts, spacing = [_KEPT_OF_FIT, _KEPT_OF_HOLD], 0.5 * model.numerics.largest_increment
     counts += [max(1, math.ceil(way / spacing - 1e-9)) for way in (loading.actuation_pressure_max, *ways_of(loading))]
     return np.concatenate([np.linspace(t.start, t.end, n + 1)[1:] for t, n in zip(times, counts, strict=True)])
 
