@@ -22,8 +22,12 @@ from limo.cases.solved import Solved
 SECONDS_PER_ITERATION, SIZE, GROWTH = 0.16, 21000, 1.3
 #: CPU time of an engine over that of CalculiX
 SHARE = {"calculix": 1.0, "newton": 1 / 12}
+#: CPU time of an element over that of bricks, fits on coarser meshes and contact included
+ELEMENT_SHARE = {"SHELL8R": 0.21}
 #: MiB of the process that solves, by engine: for any model, and for each thousand displacements of the part that is solved
 MEMORY = {"calculix": (137.0, 2.5), "newton": (265.0, 10.5)}
+#: the second number for elements of fewer unknowns
+ELEMENT_MEMORY = {"SHELL8R": 6.7}
 #: share of the full device that is solved
 PART = {"full": 1.0, "front_back": 0.5, "quarter": 0.25}
 #: iterations of fit and hold; iterations a kPa of the ramp with no pouches, what each pouch takes off, and the least
@@ -38,17 +42,21 @@ REACH = {"n_pouches": 1.5, "ventricular_pressure": 5.0, "actuation_pressure_max"
 def prior_seconds(case: Mapping[str, Any]) -> float:
     """CPU seconds of a case, as ``Case.to_dict`` describes it, on the machine the constants were measured on.
 
-    The engine newton takes a twelfth of CalculiX's time on the same model.
+    The engine newton takes a twelfth of CalculiX's time on the same model. The legs of a cycle count as ramps as long.
     """
     size = case["mesh_level"]["degrees_of_freedom"] * PART[case["mesh"]["symmetry"]] / (SIZE * PART["quarter"])
     per_kpa = max(PER_KPA - PER_POUCH * case["n_pouches"], LEAST_PER_KPA)
-    iterations = STILL + per_kpa * case["actuation_pressure_max"]
-    return iterations * SECONDS_PER_ITERATION * size**GROWTH * SHARE[case["engine"]]
+    points = np.array([(case["ventricular_pressure"], case["actuation_pressure_max"]), *case.get("cycle", ())])
+    legs = float(np.abs(np.diff(points, axis=0)).max(axis=1, initial=0.0).sum())
+    iterations = STILL + per_kpa * (case["actuation_pressure_max"] + legs)
+    share = SHARE[case["engine"]] * ELEMENT_SHARE.get(case["mesh"]["element"], 1.0)
+    return iterations * SECONDS_PER_ITERATION * size**GROWTH * share
 
 
 def memory_mib(case: Case) -> float:
     """Peak memory (MiB) of solving a case, as measured of newton and of CalculiX's tuned build; a stock one takes less."""
     fixed, per_thousand = MEMORY[case.engine]
+    per_thousand = ELEMENT_MEMORY.get(case.mesh.element, per_thousand)
     return fixed + per_thousand * case.mesh_level.degrees_of_freedom * PART[case.mesh.symmetry] / 1000
 
 

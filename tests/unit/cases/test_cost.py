@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import pytest
+import xarray as xr
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -40,6 +41,22 @@ def test_cost_grows_with_size_pressure_and_part_of_the_device(make_case):
         assert parts == sorted(parts)
     further = predict([make_case(actuation_pressure_max=p) for p in (20.0, 60.0, 140.0)])
     assert further == sorted(further)
+
+
+def test_shells_take_as_long_as_measured_and_a_way_back_as_long_as_the_ramp(make_case, root):
+    """The standard set: what its solutions took, on the machine that solved them."""
+    with xr.open_dataset(root / "docs/gallery/standard/data/afterload.nc") as kept:
+        measured = kept.solver_time.squeeze().sum("branch").to_series() / 2
+    shells = {"mesh": Mesh(level="medium", element="SHELL8R"), "engine": "newton"}
+    guessed = [
+        predict([at_level(make_case, 250000, n_pouches=n, ventricular_pressure=p, actuation_pressure_max=most, **shells)])[0]
+        for n in (4, 6, 8, 10)
+        for p, most in ((3.8, 60.0), (13.8, 100.0), (23.8, 140.0))
+    ]
+    assert sum(guessed) == pytest.approx(measured.sum(), rel=0.35)
+    assert memory_mib(at_level(make_case, 250000, **shells)) < memory_mib(at_level(make_case, 250000, engine="newton"))
+    up, back = predict([make_case(), make_case(cycle=((make_case().ventricular_pressure, 0.0),))])
+    assert 1.5 * up < back < 2 * up
 
 
 def test_finished_cases_correct_the_prior(make_case):
