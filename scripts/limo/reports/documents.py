@@ -82,6 +82,7 @@ DOCUMENTS: dict[str, Callable[[Path], str]] = {
     "docs/geometry.md": _parts("docs/geometry.md", geometry.parts),
     "docs/gallery/README.md": _gallery("config.yaml", ""),
     "docs/gallery/standard/README.md": _gallery("standard.yaml", "standard"),
+    "docs/gallery/as_in_paper/README.md": _gallery("as_in_paper.yaml", "as_in_paper"),
     "docs/paper_check.csv": _paper_table,
     "docs/paper_check.md": _paper_page,
     "docs/performance.md": _performance,
