@@ -34,8 +34,9 @@ def measured(root, loaded) -> pd.DataFrame:
         size = loaded.config.mesh_levels[r.level].degrees_of_freedom
         case = {
             "mesh_level": {"degrees_of_freedom": size},
-            "mesh": {"symmetry": r.symmetry},
+            "mesh": {"symmetry": r.symmetry, "element": "C3D20R"},
             "n_pouches": r.n_pouches,
+            "ventricular_pressure": r.ventricular_pressure,
             "actuation_pressure_max": r.pressure_max,
             "engine": r.engine,
         }
