@@ -57,7 +57,7 @@ class Beating:
     """The last beat of a heart: ``time`` (r,) in s, ``traces`` (D, 7, r) of ``TRACE``, ``vessels`` (2 D, r) in kPa.
 
     ``drift``: relative change from the beat before. ``status`` is ``periodic`` where all of it can be believed; ``reason`` says
-    why not. ``sheets`` (D,): sheet of the surface that each device ended on.
+    why not.
     """
 
     status: str
@@ -68,7 +68,6 @@ class Beating:
     traces: np.ndarray
     vessels: np.ndarray
     numbers: dict[str, np.ndarray]
-    sheets: np.ndarray
 
     def dataset(self) -> xr.Dataset:
         """Traces and numbers with units."""
@@ -103,7 +102,7 @@ def beating(surface: Surface, beat: Beat, most_beats: int = MOST_BEATS) -> Beati
                 f"covers {ends[0]:g} to {ends[-1]:g} kPa; extend the study that it is from"
             )
             empty = {name: np.full(count, np.nan) for name in NUMBERS}
-            return Beating(OUT_OF_SURFACE, reason, done, drift, time, traces, vessels, empty, sheets)
+            return Beating(OUT_OF_SURFACE, reason, done, drift, time, traces, vessels, empty)
         now = np.concatenate([traces[:, TRACE.index("outflow")].mean(axis=1), vessels[:count].mean(axis=1)])
         if before is not None:
             drift = float(np.max(np.abs(now - before) / np.maximum(np.abs(now), 1e-6)))
@@ -119,7 +118,7 @@ def beating(surface: Surface, beat: Beat, most_beats: int = MOST_BEATS) -> Beati
         peak, artery = (float(numbers[n].min()) for n in ("ventricular_peak", "arterial_mean"))
         status = NO_OUTPUT
         reason = f"the driver of the {side} device cannot deliver: P_v comes to {peak:.3g} kPa, arteries are at {artery:.3g} kPa"
-    return Beating(status, reason, done, drift, time, traces, vessels, numbers, sheets)
+    return Beating(status, reason, done, drift, time, traces, vessels, numbers)
 
 
 def _numbers(traces, vessels, time: np.ndarray, period: float, drivers: np.ndarray) -> dict[str, np.ndarray]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import product
+from pathlib import Path
 
 import numpy as np
 import xarray as xr
@@ -11,6 +12,7 @@ from scipy.optimize import brentq
 
 from limo.beat.periodic import NUMBERS, PERIODIC_STATE, SIDES, beating
 from limo.beat.surface import Surface
+from limo.config.yaml_file import parse
 from limo.errors import LimoError
 from limo.schema.beat import Beat
 
@@ -18,7 +20,7 @@ from limo.schema.beat import Beat
 def with_keys(beat: Beat, keys: Mapping[str, float]) -> Beat:
     """A circulation with other numbers, by keys such as ``driver.rate``, in the units that these have once they are read.
 
-    Raises ``LimoError`` for a key that is none.
+    Raises ``LimoError`` for a key that is none, and for a number out of its range.
     """
     data = beat.model_dump()
     for key, value in keys.items():
@@ -26,8 +28,9 @@ def with_keys(beat: Beat, keys: Mapping[str, float]) -> Beat:
         if not isinstance(data.get(section), dict) or name not in data[section]:
             known = ", ".join(f"{s}.{n}" for s, each in data.items() if isinstance(each, dict) for n in each)
             raise LimoError(f"{key}: no number of this circulation; one of {known}")
-        data[section][name] = float(value)
-    return Beat.model_validate(data)
+        unit = data[section][name].partition(" ")[2] if isinstance(data[section][name], str) else ""
+        data[section][name] = f"{float(value)!r} {unit}" if unit else float(value)
+    return parse(Beat, data, Path("limo beat"))
 
 
 def swept(surface: Surface, beat: Beat, keys: Mapping[str, Sequence[float]]) -> xr.Dataset:
@@ -35,8 +38,9 @@ def swept(surface: Surface, beat: Beat, keys: Mapping[str, Sequence[float]]) -> 
     shape, sides = tuple(len(values) for values in keys.values()), SIDES[: 2 if beat.pulmonary else 1]
     numbers = {name: np.full((*shape, len(sides)), np.nan) for name in NUMBERS}
     statuses, reasons = np.full(shape, "", object), np.full(shape, "", object)
-    for index, values in zip(np.ndindex(shape), product(*keys.values()), strict=True):
-        found = beating(surface, with_keys(beat, dict(zip(keys, values, strict=True))))
+    sets = [with_keys(beat, dict(zip(keys, values, strict=True))) for values in product(*keys.values())]
+    for index, one in zip(np.ndindex(shape), sets, strict=True):
+        found = beating(surface, one)
         statuses[index], reasons[index] = found.status, found.reason
         if found.status == PERIODIC_STATE:
             for name, value in found.numbers.items():

@@ -1,4 +1,4 @@
-"""Units as laboratories write them. Only this module knows pint, and loads it when a unit is not the wanted one."""
+"""Units as laboratories write them. Only this module and circulations (``schema.beat``) know pint, and load it when needed."""
 
 from __future__ import annotations
 

@@ -173,8 +173,7 @@ def changed(device: Device, **changes: float) -> Device:
 
 def _mirrored(mesh: Mesh, material: Material) -> Mesh:
     """The mesh, or half of the device instead of a quarter where yarns are not their own mirror image."""
-    weaves = [sheet.weave for sheet in (material, material.pouch_sheet) if sheet is not None and sheet.weave is not None]
-    if mesh.symmetry != "quarter" or all(weave.is_mirrored for weave in weaves):
+    if mesh.symmetry != "quarter" or all(weave.is_mirrored for weave in material.weaves):
         return mesh
     return mesh.model_copy(update={"symmetry": "front_back"})
 

@@ -175,9 +175,7 @@ def checked_setting(known: Known, path: Path, study: Study, name: str, variant: 
 
 def check_fabric(path: Path, study: Study, prefix: str, setting: Setting) -> None:
     """Yarns at an angle are not their own mirror image, and CalculiX's own shells have none."""
-    material, axes, mesh = setting.device.material, study.axes, setting.mesh
-    sheets = [sheet for sheet in (material, material.pouch_sheet) if sheet is not None]
-    woven = [sheet.weave for sheet in sheets if sheet.weave is not None]
+    woven, axes, mesh = setting.device.material.weaves, study.axes, setting.mesh
     if axes.fabric_angle is not None and not woven:
         expected = f"no fabric_angle, or a device with yarns: the fabric of {setting.device_name} is isotropic"
         example = "material: {weave: {warp_modulus: 400, weft_modulus: 180, poisson_ratio: 0.3, shear_modulus: 60}}"

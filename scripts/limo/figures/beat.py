@@ -4,23 +4,20 @@ from __future__ import annotations
 
 import xarray as xr
 
+from limo.beat.periodic import MMHG
 from limo.figures import style
-
-MMHG = 0.13332239  # kPa
-_SIDES = ("left", "right")
 
 
 def draw(beat: xr.Dataset):
-    """(a) P_v over V_v, (b) P_a over V_a, (c) pressures, (d) flows and volume over time; the right device dashed."""
+    """(a) P_v over V_v, (b) P_a over V_a, (c) pressures, (d) flows over time; the right device dashed."""
     figure, upper, lower = style.two_rows(2, 2, 7.5, 6.0)
     time = beat.time.values
     for k, side in enumerate(beat.side.values):
         one, line = beat.sel(side=side), "-" if k == 0 else "--"
         looks = {"ls": line, "label": side if beat.sizes["side"] > 1 else None}
-        for axis, name, scale in ((upper[0], "ventric", MMHG), (upper[1], "actuation", 1.0)):
-            pressure = one["ventricular_pressure" if name == "ventric" else "actuation_pressure"] / scale
-            volume = one["ventricle_volume" if name == "ventric" else "actuation_volume"]
-            axis.plot([*volume, volume[0]], [*pressure, pressure[0]], color=style.COLORS[0 if name == "ventric" else 1], **looks)
+        loops = (one.ventricle_volume, one.ventricular_pressure / MMHG), (one.actuation_volume, one.actuation_pressure)
+        for axis, color, (volume, pressure) in zip(upper, style.COLORS, loops, strict=False):
+            axis.plot([*volume, volume[0]], [*pressure, pressure[0]], color=color, **looks)
         for name, color in (("ventricular_pressure", 0), ("arterial_pressure", 1), ("venous_pressure", 2)):
             text = name.split("_")[0] if k == 0 else None
             lower[0].plot(time, one[name] / MMHG, color=style.COLORS[color], ls=line, label=text)

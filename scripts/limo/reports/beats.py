@@ -53,7 +53,7 @@ def _devices(surfaces: dict[int, Surface], circulations: dict[str, Beat]) -> str
         for name, beat in circulations.items()
         for n, surface in surfaces.items()
     ]
-    return markdown_table(pd.DataFrame(rows))
+    return markdown_table(pd.DataFrame(rows).fillna(""))
 
 
 def _numbers(found: Beating) -> dict[str, str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import cache
 from typing import Annotated, Any
 
-from pydantic import BeforeValidator, Field, WithJsonSchema
+from pydantic import BeforeValidator, Field, PlainSerializer, WithJsonSchema
 
 from limo.schema.section import Section
 
@@ -14,17 +14,16 @@ from limo.schema.section import Section
 def _pint():
     from pint import UnitRegistry  # loaded where a circulation is read
 
-    registry = UnitRegistry()
-    registry.define("beat = [beats]")
-    return registry
+    return UnitRegistry()
 
 
-def _within(unit: str, low: float, high: float, example: str) -> tuple[BeforeValidator, WithJsonSchema]:
-    """A quantity written with its unit, turned into ``unit``. Raises ``ValueError`` for another one, or beyond its range."""
+def _within(unit: str, low: float, high: float, example: str) -> tuple[BeforeValidator, PlainSerializer, WithJsonSchema]:
+    """A quantity written with its unit, turned into ``unit`` and written with it again.
+
+    Raises ``ValueError`` for another one, for a number alone, and beyond its range.
+    """
 
     def parsed(value: Any) -> float:
-        if isinstance(value, float) and low <= value <= high:
-            return value  # in ``unit`` already: what plain data have
         if not isinstance(value, str):
             raise ValueError(f"a number with its unit, such as {example}")
         import pint
@@ -37,7 +36,8 @@ def _within(unit: str, low: float, high: float, example: str) -> tuple[BeforeVal
             raise ValueError(f"{low:g} to {high:g} {unit}, and not {number:.6g}; for example {example}")
         return number
 
-    return BeforeValidator(parsed), WithJsonSchema({"type": "string", "examples": [example]})
+    written = PlainSerializer(lambda value: f"{value!r} {unit}", return_type=str)
+    return BeforeValidator(parsed), written, WithJsonSchema({"type": "string", "examples": [example]})
 
 
 _RESISTANCE = "kPa * s / ml"

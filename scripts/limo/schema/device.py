@@ -165,6 +165,11 @@ class Material(Sheet):
         examples=["tensile test mine.csv, method found, +- 0.6 MPa"],
     )
 
+    @property
+    def weaves(self) -> list[Weave]:
+        """Those of its sheets that have yarns."""
+        return [sheet.weave for sheet in (self, self.pouch_sheet) if sheet is not None and sheet.weave is not None]
+
 
 class Pattern(Section):
     """Outline and pouch layout of a face, right half. Coordinates are fractions of the length.

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Literal, get_args
 
 from pydantic import Field, field_validator
 
 from limo.schema.section import Section
 
 #: how the mean of a cycle counts (``measure.fatigue.cycles_to_failure``)
-NONE, MORROW, SMITH_WATSON_TOPPER = MEAN_CORRECTIONS = ("none", "morrow", "smith_watson_topper")
+MeanCorrection = Literal["none", "morrow", "smith_watson_topper"]
+NONE, MORROW, SMITH_WATSON_TOPPER = get_args(MeanCorrection)
 
 
 class Parameter(Section):
@@ -66,7 +67,7 @@ class Fatigue(Section):
         examples=[{"value": 4.0, "origin": "assumed"}],
     )
 
-    mean_correction: Literal["none", "morrow", "smith_watson_topper"] = Field(
+    mean_correction: MeanCorrection = Field(
         MORROW, description="how the mean of a load cycle counts; of no matter without one", examples=["smith_watson_topper"]
     )
 

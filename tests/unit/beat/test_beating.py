@@ -163,6 +163,7 @@ def test_every_circulation_that_is_shipped_can_be_read(root):
     ("key", "value", "expected"),
     [
         ("rate", 80, "with its unit"),
+        ("source_pressure", 60.0, "with its unit"),
         ("rate", "80 kPa", "with its unit"),
         ("rate", "800 1/min", "5 to 300"),
         ("line_resistance", "-1 kPa s/ml", "1e-05 to 10"),
@@ -182,3 +183,7 @@ def test_numbers_without_a_unit_or_out_of_range_are_refused(root, key, value, ex
 def test_keys_that_are_none_are_named(healthy):
     with pytest.raises(LimoError, match=r"driver.source_pressure"):
         with_keys(healthy, {"driver.source": 1.0})
+    with pytest.raises(ConfigError, match="5 to 300"):
+        with_keys(healthy, {"driver.rate": 400.0})
+    again = with_keys(healthy, {"driver.duty": 0.4, "driver.rate": healthy.driver.rate})
+    assert again == healthy.model_copy(update={"driver": healthy.driver.model_copy(update={"duty": 0.4})})
