@@ -193,6 +193,9 @@ def everything(tmp_path_factory: pytest.TempPathFactory) -> Project:
             figures=["pressure_volume", "von_mises", "cycles", "strain_paths", "buckling", "loops"],
             measured="config/measured/curves_synthetic.csv",
         )
+        filled = {"actuation_volume": ["rest", 3, "rest"], "frames": [0.0], "figures": ["loops"]}
+        axes = {"n_pouches": [4], "ventricular_pressure": [3.8]}
+        project.study("filled", device="limo_2025", axes=axes, engine="newton", actuation_pressure_max=0, **filled)
         airbags = project.folder / "config" / "airbags"
         airbag = yaml.safe_load((airbags / "classical.yaml").read_text())
         shutil.rmtree(airbags)
@@ -200,6 +203,7 @@ def everything(tmp_path_factory: pytest.TempPathFactory) -> Project:
         series = [{"element": "C3D20R", "engine": "newton", "divisions": [4], "path": [100, 10]}]
         (airbags / "classical.yaml").write_text(yaml.safe_dump(airbag | {"series": series}))
         files = [f"results/studies/tiny/{file}" for file in ("study.nc", "study.csv", "shapes.nc", "figures/pressure_volume.png")]
+        files += ["results/studies/filled/study.nc", "results/studies/filled/figures/loops.png"]
         files += [f"results/cases/{case_id}/fields" for case_id in project.plan().of_study("tiny")]
         run(project, *files, "material", "results/airbags/classical/airbag.nc")
 

@@ -24,6 +24,7 @@ class Case:
     ``build`` names the build of the engine, so that results of two builds lie side by side. ``branch`` is 0 for the flat state
     as it is. Otherwise it is the seed of a perturbation far below what could be made. ``fit_levels`` are the coarser meshes that
     ``numerics.newton.fit_on`` names. ``cycle``: P_v and P_a (kPa) of the points to which the load goes after its ramp, in order.
+    ``syringe``: V_a (ml) of the points to which a syringe goes instead of a ramp, None for V_a at rest.
     """
 
     device: Device
@@ -43,6 +44,7 @@ class Case:
     branch: int = 0
     fit_levels: tuple[MeshLevel, ...] = ()
     cycle: tuple[tuple[float, float], ...] = ()
+    syringe: tuple[float | None, ...] = ()
 
     @cached_property
     def fit(self) -> Case | None:
@@ -60,6 +62,7 @@ class Case:
             actuation_pressure_max=0.0,
             frames=(0.0,),
             cycle=(),
+            syringe=(),
         )
 
     @property
@@ -80,6 +83,7 @@ class Case:
         """What the solution depends on."""
         fitted = {"fit_levels": [level.model_dump(mode="json") for level in self.fit_levels]} if self.fit_levels else {}
         cycled = {"cycle": [list(point) for point in self.cycle]} if self.cycle else {}
+        cycled |= {"syringe": list(self.syringe)} if self.syringe else {}
         return (
             fitted
             | cycled
@@ -117,8 +121,8 @@ class Case:
         values = {f.name: getattr(self, f.name) for f in fields(self)}
         plain = {k: v.model_dump(mode="json") if hasattr(v, "model_dump") else v for k, v in values.items()}
         plain["fit_levels"] = [level.model_dump(mode="json") for level in self.fit_levels]
-        cycle = [list(point) for point in plain.pop("cycle")]
-        return plain | ({"cycle": cycle} if cycle else {})
+        cycle, syringe = [list(point) for point in plain.pop("cycle")], list(plain.pop("syringe"))
+        return plain | ({"cycle": cycle} if cycle else {}) | ({"syringe": syringe} if syringe else {})
 
     @classmethod
     def from_dict(cls, data: dict[str, Any]) -> Case:
@@ -127,7 +131,8 @@ class Case:
         values = {k: models[k].model_validate(v) if k in models else v for k, v in data.items()}
         levels = tuple(map(MeshLevel.model_validate, values.get("fit_levels", ())))
         cycle = tuple((float(p_v), float(p_a)) for p_v, p_a in values.get("cycle", ()))
-        return cls(**{**values, "frames": tuple(values["frames"]), "fit_levels": levels, "cycle": cycle})
+        load = {"frames": tuple(values["frames"]), "cycle": cycle, "syringe": tuple(values.get("syringe", ()))}
+        return cls(**{**values, **load, "fit_levels": levels})
 
     @cached_property
     def mesh_id(self) -> str:

@@ -42,12 +42,14 @@ REACH = {"n_pouches": 1.5, "ventricular_pressure": 5.0, "actuation_pressure_max"
 def prior_seconds(case: Mapping[str, Any]) -> float:
     """CPU seconds of a case, as ``Case.to_dict`` describes it, on the machine the constants were measured on.
 
-    The engine newton takes a twelfth of CalculiX's time on the same model. The legs of a cycle count as ramps as long.
+    The engine newton takes a twelfth of CalculiX's time on the same model. The legs of a cycle count as ramps as long, and a ml
+    of a syringe as a kPa.
     """
     size = case["mesh_level"]["degrees_of_freedom"] * PART[case["mesh"]["symmetry"]] / (SIZE * PART["quarter"])
     per_kpa = max(PER_KPA - PER_POUCH * case["n_pouches"], LEAST_PER_KPA)
     points = np.array([(case["ventricular_pressure"], case["actuation_pressure_max"]), *case.get("cycle", ())])
     legs = float(np.abs(np.diff(points, axis=0)).max(axis=1, initial=0.0).sum())
+    legs += float(np.abs(np.diff([0.0, *(volume or 0.0 for volume in case.get("syringe", ()))])).sum())
     iterations = STILL + per_kpa * (case["actuation_pressure_max"] + legs)
     share = SHARE[case["engine"]] * ELEMENT_SHARE.get(case["mesh"]["element"], 1.0)
     return iterations * SECONDS_PER_ITERATION * size**GROWTH * share

@@ -113,6 +113,7 @@ class StudyGrid:
                 branch=point.branch,
                 fit_levels=fit_levels[point.variant],
                 cycle=study.cycle_for(point.ventricular_pressure),
+                syringe=study.syringe,
             )
         return MappingProxyType(cases)
 

@@ -240,6 +240,11 @@ def check_engines(path: Path, study: Study, prefix: str, setting: Setting) -> No
         key, expected = f"{prefix}numerics.contact", f"no contact with engine {unable[0]}, or engine newton alone"
         value = contact.model_dump(exclude={"penetration"})
         raise ConfigError(path, key, value, expected, "contact: {front_back: false, endo_epi: false}")
+    if study.actuation_volume and (unable := [e for e in engines if not find_engine(e).SYRINGE]):
+        able = next(e for e in ENGINES if find_engine(e).SYRINGE)
+        key, value = ("cross_check", study.cross_check) if study.cross_check else (f"{prefix}engine", setting.engine)
+        expected = f"engine {able} alone with actuation_volume: {unable[0]} drives a device by P_a"
+        raise ConfigError(path, key, value, expected, f"engine: {able}")
     levers = setting.numerics.newton
     if find_element(element).plane_stress and levers.geometric_stiffness != "consistent":
         key, expected = f"{prefix}numerics.newton.geometric_stiffness", f"consistent with element {element}"
@@ -288,7 +293,7 @@ def check_figures(path: Path, study: Study) -> None:
         if (needed := NEEDS.get(figure, "volumes")) not in ("volumes", *study.outputs):
             expected = f"{needed} among them, which the figure {figure} shows"
             raise ConfigError(path, "outputs", study.outputs, expected, f"outputs: [volumes, {needed}]")
-        if figure in OF_CYCLES and not study.actuation:
+        if figure in OF_CYCLES and not study.has_legs:
             expected = f"the way of the load beyond the ramp, which the figure {figure} shows"
             raise ConfigError(path, "actuation", study.actuation, expected, 'actuation: [0, "max", 0]')
     check_measured(path, study)
@@ -338,7 +343,10 @@ def check_pressures(path: Path, study: Study, pressure: float) -> None:
     except KeyError:
         expected, example = f"a maximum for P_v = {pressure} kPa", f"{key}: {{{pressure}: {pressure + 60:g}}}"
         raise ConfigError(path, key, study.actuation_pressure_max, expected, example) from None
-    if maximum <= pressure and study.axes.n_pouches != [0]:
+    if study.actuation_volume and (study.actuation or maximum):
+        expected = "none beside actuation_pressure_max or actuation: a device is driven by V_a or by P_a"
+        raise ConfigError(path, "actuation_volume", study.actuation_volume, expected, "no actuation_volume")
+    if maximum <= pressure and study.axes.n_pouches != [0] and not study.actuation_volume:
         raise ConfigError(path, key, maximum, f"more than P_v = {pressure} kPa, or nothing inflates", example)
     for name in ("frames", "fields_at"):
         if beyond := [frame for frame in getattr(study, name) if not isinstance(frame, str) and frame > maximum]:

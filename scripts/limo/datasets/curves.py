@@ -52,10 +52,10 @@ def curves(
 
 
 def efficiency_reason(case_status: str, stroke: np.ndarray) -> str:
-    """Why there is no efficiency at 90 ml, or ""."""
+    """Why there is no efficiency at 90 ml, or "", also where no ramp of P_a was asked for."""
     if not np.isfinite(stroke).any():
         return f"no ramp ({case_status})"
-    if np.nanmax(stroke) < STROKE_FOR_EFFICIENCY:
+    if len(stroke) > 1 and np.nanmax(stroke) < STROKE_FOR_EFFICIENCY:
         return f"largest stroke {np.nanmax(stroke):.1f} ml"
     return ""
 

@@ -11,7 +11,7 @@ import xarray as xr
 from limo.cases.case import Case
 from limo.cases.grid import GridPoint
 from limo.datasets.gather import GridArrays, members
-from limo.measure.cycles import closed_cycles, distance, leg_curves, leg_energies, legs_of
+from limo.measure.cycles import closed_cycles, cycles_of_syringe, distance, leg_curves, leg_energies, legs_of, syringe_curves
 from limo.store.files import UNREADABLE
 
 #: of a leg, over P_a or not: units and meaning; leg 0 is the ramp
@@ -24,6 +24,13 @@ OF_LEGS = {
     "leg_ventricular_work": (False, "mJ", "work of P_v along a leg"),
     "leg_dissipated": (False, "mJ", "work along a leg that is not stored: what snaps take"),
 }
+#: of a leg that a syringe drives, over V_a
+OF_SYRINGES = {
+    "leg_pressure_of_volume": ("kPa", "actuation pressure at a given total pouch volume, P_a"),
+    "leg_ventricle_of_volume": ("ml", "ventricle volume at a given total pouch volume, V_v"),
+}
+#: ml between the volumes of their curves
+VOLUME_STEP = 0.5
 #: of a case
 OF_CYCLES = {
     "hysteresis_actuation": ("mJ", "area of the loop of V_a over P_a of the first closed cycle"),
@@ -39,28 +46,32 @@ def gather_cycles(
     cases: Mapping[GridPoint, Case], axes: Mapping[str, tuple], case_folder: Path, sources: Sequence[str], pressures: np.ndarray
 ) -> xr.Dataset:
     """Legs and cycles of cases over ``pressures`` (n,) in kPa; NaN for what a case did not come to."""
-    count = 1 + max(len(case.cycle) for case in cases.values())
+    count = 1 + max(len(case.cycle) + len(case.syringe) for case in cases.values())
+    volumes = np.arange(0.0, max((v or 0.0 for c in cases.values() for v in c.syringe), default=-1.0) + VOLUME_STEP, VOLUME_STEP)
     arrays = GridArrays(axes)
     for name, (is_curve, units, long_name) in OF_LEGS.items():
         arrays.add(name, np.nan, long_name, units, {"leg": count} | ({"actuation_pressure": len(pressures)} if is_curve else {}))
+    for name, (units, long_name) in OF_SYRINGES.items() if len(volumes) else ():
+        arrays.add(name, np.nan, long_name, units, {"leg": count, "given_volume": len(volumes)})
     for name, (units, long_name) in OF_CYCLES.items():
         arrays.add(name, np.nan, long_name, units)
     for member in members(cases, arrays.axes, case_folder, sources):
         try:
             with xr.open_dataset(member.files.volumes) as history:
-                found = cycle_of(history.load(), member.case, pressures)
+                found = cycle_of(history.load(), member.case, pressures, volumes)
         except UNREADABLE:
             continue
         for name, value in found.items():
-            if name in OF_LEGS:
+            if name in OF_LEGS or name in OF_SYRINGES:
                 arrays[name][member.index][: len(value)] = value
             else:
                 arrays[name][member.index] = value
     legs = ("leg", np.arange(count), {"long_name": "leg of the cycle, 0 for the ramp"})
-    return arrays.dataset({"actuation_pressure": pressures, "leg": legs})
+    given = ("given_volume", volumes, {"units": "ml", "long_name": "total pouch volume that a syringe gives"})
+    return arrays.dataset({"actuation_pressure": pressures, "leg": legs} | ({"given_volume": given} if len(volumes) else {}))
 
 
-def cycle_of(history: xr.Dataset, case: Case, pressures: np.ndarray) -> dict[str, np.ndarray | float]:
+def cycle_of(history: xr.Dataset, case: Case, pressures: np.ndarray, volumes: np.ndarray) -> dict[str, np.ndarray | float]:
     """What is gathered of one case: of legs (k, ...) as far as it came, and of its first closed cycles."""
     if "leg" not in history:
         history = history.assign(leg=("increment", np.zeros(history.sizes["increment"], int)))
@@ -79,8 +90,14 @@ def cycle_of(history: xr.Dataset, case: Case, pressures: np.ndarray) -> dict[str
         "leg_ventricular_work": energies[:, 1],
         "leg_dissipated": energies[:, 2],
     }
-    points = [(case.ventricular_pressure, 0.0), *map(tuple, ends)]
-    closed = closed_cycles(points)
+    if case.syringe:
+        driven = [syringe_curves(leg, volumes) for leg in legs[1:]]
+        of_ramp = np.full(len(volumes), np.nan)
+        for k, name in enumerate(OF_SYRINGES):
+            found[name] = np.array([of_ramp, *(both[k] for both in driven)])
+        closed = cycles_of_syringe(case.syringe[: len(driven)])
+    else:
+        closed = closed_cycles([(case.ventricular_pressure, 0.0), *map(tuple, ends)])
     if not closed:
         return found
     first, last = closed[0]
@@ -91,7 +108,7 @@ def cycle_of(history: xr.Dataset, case: Case, pressures: np.ndarray) -> dict[str
         found[f"residual_{name}_volume"] = float(values[1][-1] - values[0][0])
     if len(closed) > 1 and closed[1][1] - closed[1][0] == last - first:
         again = slice(closed[1][0], closed[1][1] + 1)
-        ventricle = found["leg_ventricle_volume"]
+        ventricle = found["leg_ventricle_of_volume" if case.syringe else "leg_ventricle_volume"]
         found["second_cycle_difference"] = distance(ventricle[again].ravel(), ventricle[first : last + 1].ravel())
     return found
 

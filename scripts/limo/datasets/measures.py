@@ -27,7 +27,7 @@ def gather_measures(project: Project, name: str, case_folder: Path, sources: Seq
     """
     grid = study_grid(project, name)
     study, entries = grid.study, frame_labels([*grid.study.frames, *grid.study.fields_at])
-    chosen = chosen_measures(study.measures, bool(study.actuation))
+    chosen = chosen_measures(study.measures, study.has_legs)
     arrays = GridArrays(grid.axes)
     sizes = {"frame": len(entries)} | {d: len(v) for d, (_, v, _) in LABELS.items()}
     for n, m in chosen.items():

@@ -48,7 +48,7 @@ def gather_study(project: Project, name: str, case_folder: Path, sources: Sequen
     dataset = dataset.merge(state_variables(dataset))
     if grid.cross_checks:
         dataset = dataset.merge(_gather_checks(dataset, grid, others, case_folder))
-    if grid.study.actuation:
+    if grid.study.has_legs:
         dataset = dataset.merge(gather_cycles(grid.cases, grid.axes, case_folder, own_sources, pressures))
     if grid.study.measures:
         measured = gather_measures(project, name, case_folder, own_sources)

@@ -82,6 +82,8 @@ class Engine(Protocol):
     CONTACT: bool
     #: whether it solves devices that only rest, without a ramp
     WITHOUT_RAMP: bool
+    #: whether it drives a device by V_a, with P_a as an outcome
+    SYRINGE: bool
 
     def takes(self, element: Element) -> bool:
         """Whether it solves models of an element."""

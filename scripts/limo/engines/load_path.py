@@ -10,6 +10,14 @@ import numpy as np
 from limo.schema.section import STAGES
 
 
+class PathEndedError(Exception):
+    """An engine's path ends here: a status and a reason."""
+
+    def __init__(self, status: str, reason: str):
+        super().__init__(reason)
+        self.status, self.reason = status, reason
+
+
 def _nothing() -> None:
     """Close a path that holds nothing open."""
 

@@ -93,7 +93,7 @@ class _Places:
 def _measure(model: Model, frames: CaseFrames, wanted: Wanted, fatigue: Fatigue, folder: Path) -> xr.Dataset:
     asked = sorted({p for pressures in wanted.pressures.values() for p in pressures})
     places = _Places.of_mesh(model.mesh, fatigue.seam_distance.value)
-    values = _empty_values(len(asked), wanted.outputs, bool(model.loading.cycle))
+    values = _empty_values(len(asked), wanted.outputs, bool(model.loading.legs))
     if "stress" in wanted.outputs:
         weights = np.bincount(places.zone.ravel(), places.area.ravel(), minlength=len(ZONES))
         values["zone_share"][:] = weights / places.area.sum()
@@ -105,7 +105,7 @@ def _measure(model: Model, frames: CaseFrames, wanted: Wanted, fatigue: Fatigue,
         if not strained:
             raise ResultError(f"{frames.file}: none of the frames that fatigue asks for")
         dataset |= _fatigue(values, model.mesh, largest_amplitude(np.array(strained)), places.near_seam, fatigue)
-        if model.loading.cycle:
+        if model.loading.legs:
             dataset |= _cycle_fatigue(values, model, frames, places.near_seam, fatigue)
     _contact(values, model, frames)
     dataset |= _buckling(values, model, frames, folder)

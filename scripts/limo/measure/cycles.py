@@ -10,6 +10,8 @@ snaps; the loop that V_a makes over P_a has the area of W_a over a closed cycle.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import xarray as xr
 
@@ -46,6 +48,15 @@ def leg_curves(leg: xr.Dataset, pressures: np.ndarray) -> tuple[np.ndarray, np.n
     return tuple(np.interp(at, pressure, leg[n].values[order], **ends) for n in ("ventricle_volume", "actuation_volume"))
 
 
+def syringe_curves(leg: xr.Dataset, volumes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """P_a (kPa) and V_v (ml) (n,) at V_a ``volumes`` (n,) in ml along a leg that a syringe drives; NaN beyond its V_a."""
+    held = leg.actuation_volume_conjugate.values
+    order = slice(None) if held[-1] > held[0] else slice(None, None, -1)
+    ends = {"left": np.nan, "right": np.nan}
+    known = (leg[n].values[order] for n in ("actuation_pressure", "ventricle_volume"))
+    return tuple(np.interp(volumes, held[order], values, **ends) for values in known)
+
+
 def leg_energies(leg: xr.Dataset, ventricular_pressure: float) -> tuple[float, float, float]:
     """W_a, W_v and D (mJ) of a leg; ``ventricular_pressure`` where its increments do not say theirs."""
     p_a = leg.actuation_pressure.values
@@ -58,10 +69,18 @@ def leg_energies(leg: xr.Dataset, ventricular_pressure: float) -> tuple[float, f
     return works[0], works[1], sum(works) - float(stored[-1] - stored[0])
 
 
-def ends_of_legs(loading: Loading) -> list[tuple[float, float]]:
-    """P_v and P_a (kPa) at rest, at the end of the ramp, and at the points of the cycle."""
+def cycles_of(loading: Loading) -> list[tuple[int, int]]:
+    """First and last leg of each stretch of the load that comes back to its first point."""
+    if loading.syringe:
+        return cycles_of_syringe(loading.syringe)
     ventricular = loading.ventricular_pressure
-    return [(ventricular, 0.0), (ventricular, loading.actuation_pressure_max), *loading.cycle]
+    return closed_cycles([(ventricular, 0.0), (ventricular, loading.actuation_pressure_max), *loading.cycle])
+
+
+def cycles_of_syringe(points: Sequence[float | None]) -> list[tuple[int, int]]:
+    """The same for points in ml to which a syringe goes from rest; leg 0, the ramp, has no length."""
+    volumes = [(-1.0 if point is None else point, 0.0) for point in (None, *points)]
+    return [(first + 1, last + 1) for first, last in closed_cycles(volumes)]
 
 
 def states_of_last_cycle(loading: Loading, frames: CaseFrames) -> list[np.ndarray]:
@@ -69,7 +88,7 @@ def states_of_last_cycle(loading: Loading, frames: CaseFrames) -> list[np.ndarra
 
     None where the load closes no cycle, or the case did not get through it.
     """
-    closed = closed_cycles(ends_of_legs(loading))
+    closed = cycles_of(loading)
     if not closed or not (frames.cycle_leg == closed[-1][1]).any():
         return []
     first, last = closed[-1]

@@ -103,7 +103,11 @@ def described(case: Described) -> dict[str, Any]:
         "element": element(case.mesh.element),
         "fabric": fabric,
         "loading": Loading(
-            case.ventricular_pressure, case.actuation_pressure_max, case.frames, tuple(getattr(case, "cycle", ()))
+            case.ventricular_pressure,
+            case.actuation_pressure_max,
+            case.frames,
+            tuple(getattr(case, "cycle", ())),
+            tuple(getattr(case, "syringe", ())),
         ),
         "numerics": case.numerics,
         "length": case.device.pattern.length,

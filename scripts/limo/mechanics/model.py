@@ -174,13 +174,20 @@ def layer_thickness(mesh: LayerMesh, fabric: Fabric) -> float | np.ndarray:
 class Loading:
     """Pressures in kPa: P_v, which the fit brings on, the P_a to which the ramp goes, and the P_a whose states are asked for.
 
-    ``cycle``: P_v and P_a of the points to which the load goes after the ramp, in order, along straight lines.
+    ``cycle``: P_v and P_a of the points to which the load goes after the ramp, in order, along straight lines. ``syringe``: V_a
+    in ml of the points to which a syringe goes instead, P_v as it is; None for V_a at rest.
     """
 
     ventricular_pressure: float
     actuation_pressure_max: float
     frames: tuple[float, ...]
     cycle: tuple[tuple[float, float], ...] = ()
+    syringe: tuple[float | None, ...] = ()
+
+    @property
+    def legs(self) -> int:
+        """How many legs follow the ramp."""
+        return len(self.cycle) + len(self.syringe)
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from itertools import pairwise
 from typing import Annotated, Any, Literal, get_args
 
 from pydantic import Field, field_validator, model_serializer, model_validator
@@ -76,7 +77,7 @@ class _OfAPattern(Section):
     @model_serializer(mode="wrap")
     def _without_what_is_usual(self, plain: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
         data = plain(self)
-        for key in ("pattern", "actuation"):
+        for key in ("pattern", "actuation", "actuation_volume"):
             if not data.get(key, True):
                 del data[key]
         return data
@@ -158,7 +159,8 @@ class Study(_OfAPattern):
         examples=[{"quarter": {}, "half": {"mesh": {"symmetry": "front_back"}}}],
     )
     actuation_pressure_max: Annotated[float, Field(ge=0, le=1000)] | dict[float, Annotated[float, Field(ge=0, le=1000)]] = Field(
-        description="P_a,max in kPa, one number or one for each P_v; 0 without pouches",
+        0.0,
+        description="P_a,max in kPa, one number or one for each P_v; 0 without pouches and with actuation_volume",
         examples=[{3.8: 60, 13.8: 100, 23.8: 140}],
     )
     actuation: list[Waypoint] | None = Field(
@@ -167,6 +169,14 @@ class Study(_OfAPattern):
         max_length=41,
         description="way of the load beyond the ramp, from 0 to max and on: P_a in kPa, max, or both pressures in kPa of a point",
         examples=[[0, "max", 0, "max", 0]],
+    )
+    actuation_volume: list[Literal["rest"] | Annotated[float, Field(ge=0, le=2000)]] | None = Field(
+        None,
+        min_length=2,
+        max_length=41,
+        description="way of V_a in ml instead of a ramp of P_a, as a syringe gives it, on from rest: what the pouches hold at "
+        "rest; engine newton alone",
+        examples=[["rest", 80, "rest"]],
     )
     mesh: Mesh | None = Field(None, description="instead of the configuration's mesh")
     numerics: Annotated[str, Field(pattern=NAME)] | dict[str, Any] | None = Field(
@@ -249,6 +259,23 @@ class Study(_OfAPattern):
         if self.actuation is not None and self.actuation[:2] != [0, "max"]:
             raise ValueError('actuation that begins with 0 and max, the ramp; such as actuation: [0, "max", 0]')
         return self
+
+    @field_validator("actuation_volume")
+    @classmethod
+    def _from_rest(cls, points: list[str | float] | None) -> list[str | float] | None:
+        if points is not None and (points[0] != "rest" or any(a == b for a, b in pairwise(points))):
+            raise ValueError("volumes that begin with rest and move")
+        return points
+
+    @property
+    def syringe(self) -> tuple[float | None, ...]:
+        """V_a in ml of the points to which a syringe goes from rest on, in order; None for V_a at rest."""
+        return tuple(None if point == "rest" else float(point) for point in (self.actuation_volume or [])[1:])
+
+    @property
+    def has_legs(self) -> bool:
+        """Whether the load goes on after the ramp, or goes by volume."""
+        return bool(self.actuation or self.actuation_volume)
 
     def cycle_for(self, ventricular_pressure: float) -> tuple[tuple[float, float], ...]:
         """P_v and P_a (kPa) of the points after the ramp of cases at a P_v (kPa), in order; none without a cycle."""

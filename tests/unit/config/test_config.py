@@ -5,6 +5,7 @@ import copy
 import json
 import re
 import shutil
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -16,6 +17,7 @@ from hypothesis import strategies as st
 from pydantic import TypeAdapter
 from pydantic.fields import FieldInfo
 
+from limo.cases.case import Case
 from limo.cases.grid import study_cases
 from limo.cases.plan import make_plan
 from limo.config import checks as config_checks
@@ -106,7 +108,7 @@ MISTAKES = [
     (STUDY, E_HAT, [0.0], "greater than 0"),
     (STUDY, E_HAT, [-1.0], "greater than 0"),
     (STUDY, AXES, DELETE, "missing"),
-    (STUDY, P_MAX, DELETE, "missing"),
+    (STUDY, P_MAX, DELETE, "more than P_v = 3.8"),
     (STUDY, P_MAX, 3.8, "more than P_v = 3.8"),
     (STUDY, P_MAX, {3.8: 2.0}, "more than P_v = 3.8"),
     (STUDY, P_MAX, {13.8: 100.0}, "P_v = 3.8"),
@@ -358,6 +360,38 @@ def test_numbers_with_an_exponent_need_no_decimal_point(tmp_path):
 def test_frames_become_pressures_in_order(frames, pressures):
     study = Study(axes={"n_pouches": [8], "ventricular_pressure": [3.8]}, actuation_pressure_max={3.8: 60}, frames=frames)
     assert study.frames_for(3.8) == pytest.approx(pressures)
+
+
+@pytest.mark.parametrize(
+    ("changes", "key", "words"),
+    [
+        ({"engine": "calculix"}, "engine", "engine newton alone with actuation_volume"),
+        ({"cross_check": 1, "mesh": {"element": "C3D20R"}}, "cross_check", "calculix drives a device by P_a"),
+        ({"actuation_pressure_max": 60}, "actuation_volume", "none beside actuation_pressure_max"),
+        ({"actuation_volume": [0, 80]}, "actuation_volume", "begin with rest"),
+        ({"actuation_volume": ["rest", 80, 80]}, "actuation_volume", "and move"),
+        ({"actuation_volume": ["rest", -1]}, "actuation_volume", "way of V_a in ml"),
+        ({"actuation_volume": ["rest"]}, "actuation_volume", "at least 2"),
+        ({"actuation_volume": ["rest", 3000]}, "actuation_volume", "way of V_a in ml"),
+    ],
+    ids=lambda x: str(x)[:30],
+)
+def test_a_syringe_takes_the_place_of_the_ramp(folder, changes, key, words):
+    """Engine newton alone drives a device by V_a; P_a,max is then none, and cases differ from those of a ramp."""
+    study = {"axes": {"n_pouches": [8], "ventricular_pressure": [3.8]}, "engine": "newton", "frames": [0]}
+    study |= {"actuation_volume": ["rest", 80, "rest"], "figures": ["loops"]}
+    (folder / STUDY).write_text(yaml.safe_dump(study))
+    loaded, name = load_config(folder / CONFIG, strict=True), Path(STUDY).stem
+    assert loaded.studies[name].syringe == (80.0, None)
+    (case,) = study_cases(loaded, name).values()
+    assert (case.actuation_pressure_max, case.cycle, case.syringe) == (0.0, (), (80.0, None))
+    assert Case.from_dict(case.to_dict()) == case
+    assert case.case_id != replace(case, syringe=()).case_id
+    (folder / STUDY).write_text(yaml.safe_dump(study | changes))
+    error = error_of(folder)
+    assert error.key.startswith(key)
+    assert words in str(error)
+    assert error.example
 
 
 @pytest.mark.parametrize(

@@ -39,6 +39,23 @@ def test_every_leg_is_drawn_by_the_way_that_it_goes(cycled):
     style.close(figure)
 
 
+def test_a_syringe_has_pressure_over_volume(cycled):
+    volume = np.linspace(0.0, 80.0, 9)
+    driven = cycled.isel(leg=slice(0, 3)).assign_coords(given_volume=volume)
+    driven["leg_actuation_pressure"] = ("leg", [0.0, 30.0, 0.0])
+    dims = ("n_pouches", "ventricular_pressure", "leg", "given_volume")
+    legs = np.array([np.nan, 1.0, 0.5])[:, None] * volume
+    driven["leg_pressure_of_volume"] = (dims, np.broadcast_to(legs, (2, 1, 3, 9)))
+    driven["leg_ventricle_of_volume"] = (dims, np.broadcast_to(300 - legs, (2, 1, 3, 9)))
+    driven["leg_actuation_pressure"] = driven.leg_actuation_pressure.expand_dims(n_pouches=2, ventricular_pressure=1)
+    figure = loops.draw(driven)
+    ventricle, pressure = figure.axes
+    assert [line.get_linestyle() for line in ventricle.get_lines()] == ["-", "--"] * 2
+    np.testing.assert_allclose(pressure.get_lines()[1].get_ydata(), 0.5 * volume)
+    assert pressure.get_xlabel() == "$V_a$ [ml]"
+    style.close(figure)
+
+
 def test_a_leg_that_was_not_reached_is_not_drawn(cycled):
     cycled.leg_ventricle_volume[:, :, 2:] = np.nan
     figure = loops.draw(cycled)

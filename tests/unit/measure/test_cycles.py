@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from limo.measure.cycles import closed_cycles, distance, leg_curves, leg_energies, legs_of
+from limo.measure.cycles import closed_cycles, cycles_of_syringe, distance, leg_curves, leg_energies, legs_of, syringe_curves
 from limo.measure.fatigue import cycles_to_failure, strain_amplitude, strain_cycle
 from limo.schema.fatigue import Fatigue, Parameter
 
@@ -50,6 +50,25 @@ def test_a_spring_takes_no_energy_and_comes_back():
     pressures = np.array([0.0, 30.0, 60.0])
     for leg in legs:
         np.testing.assert_allclose(leg_curves(leg, pressures)[1], pressures / STIFFNESS)
+
+
+def test_a_leg_by_volume_has_its_pressure_where_that_falls():
+    """On the way there P_a falls by 20 kPa in a snap; beyond V_a of the leg there is nothing."""
+    held = np.linspace(2.0, 82.0, 41)
+    pressure = held - 20.0 * (held > 41)
+    leg = xr.Dataset(
+        {"actuation_volume_conjugate": ("increment", held), "ventricle_volume": ("increment", 300 - held)},
+        coords={"actuation_pressure": ("increment", pressure)},
+    )
+    for one in (leg, leg.isel(increment=slice(None, None, -1))):
+        found, ventricle = syringe_curves(one, np.array([0.0, 10.0, 70.0, 90.0]))
+        np.testing.assert_allclose(found, [np.nan, 10.0, 50.0, np.nan])
+        np.testing.assert_allclose(ventricle, [np.nan, 290.0, 230.0, np.nan])
+
+
+def test_cycles_of_a_syringe_begin_behind_the_ramp():
+    assert cycles_of_syringe((80.0, None, 80.0, None)) == [(1, 2), (3, 4)]
+    assert cycles_of_syringe((80.0, 40.0)) == []
 
 
 def test_the_loop_of_a_snap_has_the_area_that_is_taken():

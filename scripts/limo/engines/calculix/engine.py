@@ -23,6 +23,7 @@ NAME = "calculix"
 LARGE_FILES = ("*.frd", "*.dat", "*.12d", "*.eig", "spooles.out")
 CONTACT = False
 WITHOUT_RAMP = False
+SYRINGE = False
 #: increments of a sample, of some iterations each
 SAMPLED = 1
 

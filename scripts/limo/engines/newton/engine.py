@@ -23,6 +23,7 @@ NAME = "newton"
 LARGE_FILES = ()
 CONTACT = True
 WITHOUT_RAMP = True
+SYRINGE = True
 #: iterations of a sample
 SAMPLED = 5
 

@@ -26,19 +26,21 @@ from __future__ import annotations
 import logging
 import resource
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 
-from limo.engines.load_path import LoadPath, count_stages
+from limo.engines.load_path import LoadPath, PathEndedError, count_stages
 from limo.engines.newton.assembly import Assembly
 from limo.engines.newton.build import mkl_version
 from limo.engines.newton.mixed import MixedStress
 from limo.engines.newton.pardiso import FactorisationError, SymmetricSolver, set_threads
 from limo.engines.newton.refined import RefinedSolver
 from limo.engines.newton.shell import Directors, ShellAssembly, ShellTangent
+from limo.engines.newton.syringe import Syringe
 from limo.engines.newton.tangent import Tangent
 from limo.engines.newton.unknowns import Unknowns, displacements, means
 from limo.mechanics.energy import conjugate_volumes, stored_energy
@@ -79,14 +81,6 @@ FIT, HOLD, RAMP, CYCLE = range(4)
 _CLOSE = 1e-6  # kPa, pressures closer than this are the same
 
 
-class _StopError(Exception):
-    """The path ends here: a status and a reason."""
-
-    def __init__(self, status: str, reason: str):
-        super().__init__(reason)
-        self.status, self.reason = status, reason
-
-
 @dataclass
 class _State:
     """Where the iteration is: free displacements, share of the prescribed ones, shift, and what has been counted."""
@@ -111,12 +105,12 @@ def solve(model: Model, solver: Solver, start: np.ndarray | None = None, after: 
     """
     began, used = time.monotonic(), _cpu_seconds()
     set_threads(solver.threads)
-    run = _Run(model, model.numerics.newton, began + 60 * solver.time_limit)
+    run = Run(model, model.numerics.newton, began + 60 * solver.time_limit)
     prepared = _cpu_seconds() - used
     status, reason, interrupted = "converged", "", False
     try:
         run.travel(start, after)
-    except _StopError as stop:
+    except PathEndedError as stop:
         status, reason = stop.status, stop.reason
     except FactorisationError as error:
         interrupted = error.no_memory
@@ -143,14 +137,14 @@ def solve(model: Model, solver: Solver, start: np.ndarray | None = None, after: 
         wall_seconds=time.monotonic() - began,
         memory=resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
         ended_in=run.stage,
-        ventricular=np.array(run.ventriculars, float) if model.loading.cycle else None,
-        leg=np.array(run.legs, int) if model.loading.cycle else None,
+        ventricular=np.array(run.ventriculars, float) if model.loading.legs else None,
+        leg=np.array(run.legs, int) if model.loading.legs else None,
         interrupted=interrupted,
         details=details,
     )
 
 
-class _Run:
+class Run:
     """The iteration on one model; accepted states are kept in order."""
 
     def __init__(self, model: Model, settings: Newton, deadline: float):
@@ -197,7 +191,7 @@ class _Run:
         }
 
     def travel(self, start: np.ndarray | None, after: LoadPath | None) -> None:
-        """Fit, rest and ramp, as ``solve`` says. Raises ``_StopError`` where the path ends before, and ``FactorisationError``."""
+        """Fit, rest, ramp and legs, as ``solve`` says. Raises ``PathEndedError`` where it ends, and ``FactorisationError``."""
         if after is not None and (after.stage >= HOLD).any():
             self.carry_on(after)
         else:
@@ -206,6 +200,7 @@ class _Run:
         if CYCLE not in self.stages:
             self.ramp()
         self.cycle()
+        self.syringe()
 
     def begun_at(self, start: np.ndarray) -> bool:
         """Come to rest from a state of the fitted device; False where that fails, all but the costs as before."""
@@ -213,7 +208,7 @@ class _Run:
         self._unguarded = UNGUARDED
         try:
             self.advance(HOLD, 1.0, self.model.loading.ventricular_pressure, 0.0)
-        except _StopError as stop:
+        except PathEndedError as stop:
             if stop.status != "diverged":
                 raise
             log.info("from the state of another mesh: %s; fitted from the flat state", stop.reason)
@@ -241,7 +236,7 @@ class _Run:
             try:
                 self._fit_via(via)
                 ways[via] = self._energy_at_rest(), replace(self.state), self._taken_back()
-            except _StopError as stop:
+            except PathEndedError as stop:
                 if stop.status != "diverged":
                     raise
                 first = first or (stop, self._taken_back())
@@ -323,13 +318,13 @@ class _Run:
             self.mixed.forget()
         for _ in range(settings.iterations):
             if time.monotonic() > self.deadline:
-                raise _StopError("timed_out", f"stopped at P_a = {actuation:g} kPa of the {name} after the time limit")
-            u, inside, pressed = self._forces(ventricular, actuation)
-            residual, load = assembly.reduce(pressed - inside, u), self._load(inside, pressed)
+                raise PathEndedError("timed_out", f"stopped at P_a = {actuation:g} kPa of the {name} after the time limit")
+            u, inside, pressed = self.forces_at(ventricular, actuation)
+            residual, load = assembly.reduce(pressed - inside, u), self.load_of(inside, pressed)
             size = np.linalg.norm(residual)
-            if moved is None and self._at_rest(size, load, correction, before):
+            if moved is None and self.at_rest(size, load, correction, before):
                 if assembly.smallest_volume(u) <= 0:
-                    raise _StopError("diverged", f"elements turned inside out at P_a = {actuation:g} kPa of the {name}")
+                    raise PathEndedError("diverged", f"elements turned inside out at P_a = {actuation:g} kPa of the {name}")
                 break
             if moved is not None:
                 # the edges move with this step: what they drag along is part of its right side
@@ -339,15 +334,14 @@ class _Run:
             moved = None
             if not edges and largest <= self.largest and self.mixed is None:
                 correction = self._reuse(size, load, correction, before, ventricular, actuation)
-            powers = 1 if state.rejected > refused else AT_ONCE if largest <= SHORT_STEP * self.largest else QUICKLY
-            state.shift = max(settings.smallest_shift, state.shift * settings.shift_decay**powers)
+            self.calm(refused, largest)
         else:
-            raise _StopError(
+            raise PathEndedError(
                 "diverged",
                 f"no equilibrium at P_a = {actuation:g} kPa of the {name} in {settings.iterations} iterations: residual "
                 f"{size / load:.2g} of the load, correction {correction:.2g} mm",
             )
-        self._accept(stage, ventricular, actuation, float(size / load))
+        self.accept(stage, ventricular, actuation, float(size / load))
 
     def _iterate(self, residual: np.ndarray, share: float, ventricular: float, actuation: float) -> float:
         """One step of the state for a residual (size,), to a share of the prescribed displacements; its size (mm) before cuts."""
@@ -356,22 +350,33 @@ class _Run:
         values = self.tangent.assemble(u, ventricular, actuation, state.shift, stress)
         if mixed is not None:
             mixed.leave(u)
-        state.free, largest = self._step(values, residual, share)
+        state.free, largest, _ = self.step(values, share, lambda negative: None if negative else self.solution(residual))
         state.prescribed = share
         if mixed is not None:
             mixed.arrive(self.displacements(), min(1.0, np.abs(state.free - free).max() / max(largest, TINY)))
+        self.count()
+        return largest
+
+    def calm(self, refused: int, largest: float) -> None:
+        """Lower the shift after a step of a size (mm), before which so many had been refused."""
+        state, settings = self.state, self.settings
+        powers = 1 if state.rejected > refused else AT_ONCE if largest <= SHORT_STEP * self.largest else QUICKLY
+        state.shift = max(settings.smallest_shift, state.shift * settings.shift_decay**powers)
+
+    def count(self) -> None:
+        """One more iteration, which is told of."""
+        state = self.state
         state.iterations[self.stage] += 1
         report(
             stage=self.stage,
-            fitted=float(share),
+            fitted=float(state.prescribed),
             actuation_pressure=max(self.pressures, default=0.0),
             increments=len(self.stages),
             rejected=state.rejected,
             iterations=sum(state.iterations.values()),
         )
-        return largest
 
-    def _accept(self, stage: int, ventricular: float, actuation: float, residual: float) -> None:
+    def accept(self, stage: int, ventricular: float, actuation: float, residual: float) -> None:
         """Keep the state, which is at rest up to a residual over the load."""
         self._floor = SMALLEST_VOLUME
         self.stages.append(stage)
@@ -422,6 +427,29 @@ class _Run:
                 self.advance(CYCLE, 1.0, *(float(x) for x in begins + way * (done / count)))
                 easy = sum(state.iterations.values()) - before <= EASY
 
+    def syringe(self) -> None:
+        """Bring V_a to the points of the syringe in turn, in steps of ``load_step`` ml at most, or several where that is easy.
+
+        The first leg begins at rest, whose V_a is that of the points None.
+        """
+        points, settings, state = self.model.loading.syringe, self.settings, self.state
+        if not points:
+            return
+        syringe = Syringe(self)
+        rest = syringe.held(self.kept[self.stages.index(HOLD)])
+        ventricular = self.model.loading.ventricular_pressure
+        for number, point in enumerate(points, start=1):
+            if self.legs and self.legs[-1] > number:
+                continue
+            self.leg = number
+            begins, ends = syringe.held(), rest if point is None else point
+            count, done, easy = max(1, int(np.ceil(abs(ends - begins) / settings.load_step - _CLOSE))), 0, False
+            while done < count:
+                done = min(count, done + (max(1, min(settings.easy_steps, int(EASY_SHARE * done))) if easy else 1))
+                before = sum(state.iterations.values())
+                syringe.push(CYCLE, ventricular, begins + (ends - begins) * done / count)
+                easy = sum(state.iterations.values()) - before <= EASY
+
     def _end_of_the_ramp(self) -> tuple[float, float]:
         """P_v and P_a in kPa."""
         return self.model.loading.ventricular_pressure, self.model.loading.actuation_pressure_max
@@ -441,19 +469,19 @@ class _Run:
                 history.insert(end + place, history.pop())
         state.free, state.shift, state.last_shift = arrived.free, arrived.shift, arrived.last_shift
 
-    def _forces(self, ventricular: float, actuation: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def forces_at(self, ventricular: float, actuation: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Displacements, f_int and f_p (n, 3) of the state; computed once for a state and its loads."""
         u = self.displacements()
         if self._known is None or self._known[0] is not u or self._known[3:] != (ventricular, actuation):
             self._known = u, *self.assembly.forces(u, ventricular, actuation), ventricular, actuation
         return self._known[:3]
 
-    def _load(self, inside: np.ndarray, pressed: np.ndarray) -> float:
+    def load_of(self, inside: np.ndarray, pressed: np.ndarray) -> float:
         """What residuals are compared with (N): the pressures on the free displacements, and without any the held forces."""
         load = np.linalg.norm(self.assembly.reduce(pressed, self.displacements()))
         return max(load, HELD_SHARE * np.linalg.norm(inside), SMALLEST_FORCE)
 
-    def _at_rest(self, size: float, load: float, correction: float, before: np.ndarray) -> bool:
+    def at_rest(self, size: float, load: float, correction: float, before: np.ndarray) -> bool:
         """Residual small beside the load, the last correction beside the way gone at this load, and the shift at its smallest.
 
         A larger shift would hide an unstable equilibrium, and how far the stable one is.
@@ -463,10 +491,13 @@ class _Run:
         quiet = size <= settings.residual * load and correction <= settings.correction * gone
         return quiet and self.state.shift <= settings.smallest_shift
 
-    def _step(self, values: np.ndarray, residual: np.ndarray, share: float) -> tuple[np.ndarray, float]:
-        """Free displacements after a step of the shifted system cut to ``largest_step``, and its size (mm) before that.
+    def step(
+        self, values: np.ndarray, share: float, answer: Callable[[int], np.ndarray | None]
+    ) -> tuple[np.ndarray, float, float]:
+        """Free displacements after a step cut to ``largest_step``, its size (mm) before that, and the part of it that was taken.
 
-        ``values`` are those of K with the shift, and change with it. The step is cut further where elements would lose their
+        ``values`` are those of K with the shift, and change with it; ``answer`` gives the step that their factors make, by how
+        many of their pivots are negative, None where they are of no use. The step is cut further where elements would lose their
         volume; the shift is raised until the matrix is positive, the step no leap, and such a cut enough. Where no shift does,
         elements may come down to ``LEAST_VOLUME`` until the next rest.
         """
@@ -476,7 +507,7 @@ class _Run:
         while True:
             negative = self.solver.factorise(values)
             state.factorisations += 1
-            step = None if negative else self._solution(residual)
+            step = answer(negative)
             if step is not None:
                 largest = np.abs(step).max()
                 if largest <= self.rejected:
@@ -490,19 +521,19 @@ class _Run:
                                 state.last_shift = state.shift
                             elif cut < 1:
                                 state.rejected += 1
-                            return free, largest
+                            return free, largest, part
             first, tried = state.rejected == refused, state.shift
             state.rejected += 1
             state.shift = max(growth * state.shift, state.last_shift / growth if first else 0.0)
             if state.shift > LARGEST_SHIFT and self._floor > LEAST_VOLUME:
                 self._floor, state.shift = LEAST_VOLUME, shift
             elif state.shift > LARGEST_SHIFT:
-                raise _StopError(
+                raise PathEndedError(
                     "diverged", f"no downhill step with a shift up to {LARGEST_SHIFT:.0e} 1/s2 leaves all elements whole"
                 )
             values += (state.shift - tried) * self.tangent.mass
 
-    def _solution(self, residual: np.ndarray) -> np.ndarray | None:
+    def solution(self, residual: np.ndarray) -> np.ndarray | None:
         """The free displacements (size,) that the last factors give for a residual; None where the matrix is not positive."""
         solution = self.solver.solve(self.unknowns.reduce(residual))
         self.state.solutions += 1
@@ -517,15 +548,15 @@ class _Run:
         """
         state, assembly, came_from = self.state, self.assembly, None
         while True:
-            u, inside, pressed = self._forces(ventricular, actuation)
+            u, inside, pressed = self.forces_at(ventricular, actuation)
             residual = assembly.reduce(pressed - inside, u)
             now = np.linalg.norm(residual)
             if came_from is not None and now > size:
                 state.free, correction = came_from
                 return correction
-            if now > REUSED_WHILE * size or self._at_rest(now, load, correction, before):
+            if now > REUSED_WHILE * size or self.at_rest(now, load, correction, before):
                 return correction
-            if (step := self._solution(residual)) is None:
+            if (step := self.solution(residual)) is None:
                 return correction
             came_from = state.free, correction
             correction, size = np.abs(step).max(), now
