@@ -26,12 +26,19 @@ pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium: install t
 
 @pytest.fixture(scope="module")
 def results(solved, tmp_path_factory) -> Path:
-    """The results of the tiny sweep with a study more that measures its cases, of which one is made to have failed."""
+    """The results of the tiny sweep with a study more that measures its cases, of which one is made to have failed.
+
+    A third one has the surface of a device that beats.
+    """
     project = copied(solved.folder, tmp_path_factory.mktemp("page") / "copy")
     project.study("measured", outputs=["volumes", "stress", "strain", "fatigue"], description=NASTY)
+    axes = {"n_pouches": [4], "ventricular_pressure": [0.5, 4, 12, 25]}
+    load = {"actuation_pressure_max": 80, "actuation": [0, "max", 0], "frames": [0, 40, "max"]}
+    mesh = {"level": "tiny", "element": "SHELL8R", "symmetry": "quarter"}
+    project.study("beating", axes=axes, engine="newton", mesh=mesh, figures=[], outputs=["volumes"], **load)
     failed = next(project.folder.glob("results/cases/*np4*/status.json"))
     write_json(failed, read_json(failed) | {"status": "diverged", "reason": NASTY})
-    done = project.snakemake("tiny", "measured", "--forcerun", "gather_study")
+    done = project.snakemake("tiny", "measured", "beating", "--forcerun", "gather_study")
     assert done.returncode == 0, done.stdout + done.stderr
     planned = project.planned("page")
     assert planned == {"page": 1, "total": 1}, "nothing is solved, gathered or drawn for it"
@@ -101,6 +108,31 @@ def test_the_device_is_drawn_in_colours_and_moves_with_the_slider(page):
     assert changed(first, second) > 0.01
     page.keyboard.press("End")
     assert changed(first, picture(page)) < 0.002, "back where it was"
+
+
+def test_a_beat_moves_the_device_beside_its_loop(page):
+    """Over a beat V_v and the picture change; at its end the device is nearly where it began."""
+    page.select_option("#device-study", "tiny")
+    assert page.locator("#device-beats").is_hidden()
+    page.select_option("#device-study", "beating")
+    assert page.locator("#beat-plot").is_hidden()
+    assert "healthy" in chosen(page, "#device-beat")
+    page.select_option("#device-beat", "healthy")
+    page.locator("#device-stop").focus()
+    pictures, said = [], []
+    for keys in (["Home"], ["PageUp"] * 3, ["End"]):
+        for key in keys:
+            page.keyboard.press(key)
+        pictures.append(picture(page))
+        said.append(page.locator("#device-pressure").inner_text())
+    assert said[0].startswith("0.00 s: P_a")
+    assert changed(pictures[0], pictures[1]) > 0.01
+    assert changed(pictures[0], pictures[2]) < 0.5 * changed(pictures[0], pictures[1])
+    assert "ml a beat" in page.locator("#device-note").inner_text()
+    assert page.locator("#beat-plot .main-svg").first.is_visible()
+    page.select_option("#device-beat", "")
+    assert page.locator("#beat-plot").is_hidden()
+    assert page.locator("#device-pressure").inner_text().endswith("kPa")
 
 
 def test_dragging_turns_the_device_and_the_view_stays(page):

@@ -24,8 +24,9 @@ from scipy.optimize import nnls
 
 #: kPa between knots over P_a
 SPACING = 4.0
-#: ml/kPa that a volume gives way at least, and what of it may be missing in the end
-LEAST_COMPLIANCE, _MISSING = 0.3, 0.15
+#: ml/kPa that a device gives way at least in any direction of both pressures, and what of it may be missing in the end: less than
+#: full pouches do at 100 kPa (0.12), or the potential fills them with air that they do not take
+LEAST_COMPLIANCE, _MISSING = 0.1, 0.05
 #: places between two knots over P_v and P_a at which slopes are looked at, and rounds of that at most
 _PLACES, _ROUNDS = (4, 2), 30
 #: weight of the third derivative over P_v, which keeps the spline from swinging between the P_v of the study

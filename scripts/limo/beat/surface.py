@@ -87,6 +87,11 @@ class Surface:
             low[k], high[k] = pressure[max(where[0] - 1, 0)], pressure[min(where[-1] + 1, last)]
         return np.array([low, high])
 
+    def without(self, k: int) -> Surface:
+        """The same without the ``k``-th P_v, its potentials not yet fitted."""
+        keep = np.arange(len(self.ventricular)) != k
+        return Surface(self.device, self.ventricular[keep], self.actuation, self.volumes[:, :, keep])
+
     def left_out(self) -> dict[str, np.ndarray]:
         """What leaving each inner P_v out changes there: root mean square over P_a in ml, (m - 2,), by volume and sheet.
 
@@ -172,6 +177,20 @@ def read_surfaces(file: Path) -> dict[int, Surface]:
         }
     except (*UNREADABLE, AttributeError) as error:
         raise ResultError(f"{file}: no surfaces of a study ({error})") from None
+
+
+def surfaces_beside(file: Path) -> dict[int, Surface]:
+    """The surfaces of all devices of a study's dataset. They are fitted once, and lie beside it. Raises ``ResultError``."""
+    aside = file.with_name(f"{file.stem}_surfaces.nc")
+    if not (aside.exists() and file.exists() and aside.stat().st_mtime >= file.stat().st_mtime):
+        try:
+            with xr.open_dataset(file) as dataset:
+                write_surfaces(surfaces_of(dataset.load()), aside)
+        except UNREADABLE:
+            raise ResultError(f"{file}: no dataset of a study; snakemake {file.parent.name} makes it") from None
+        except ResultError as error:
+            raise ResultError(f"{file}: {error}") from None
+    return read_surfaces(aside)
 
 
 def surface_of(dataset: xr.Dataset, n_pouches: int | None = None) -> Surface:

@@ -6,16 +6,24 @@ const COPIES = { quarter: [[1, 1], [-1, 1], [1, -1], [-1, -1]], front_back: [[1,
 const APART = { wall: 1.5, endo: 1.5, epi: 3 }; // mm of the layers from the plane of the flat pattern
 const LAYER_NAMES = { wall: "wall", endo: "endocardium", epi: "epicardium" };
 const GREY = "#c4c4c4"; // where there is no value
+const STORED = ""; // what moves a device that does not beat
+const TRACES = { // of a beat over time, in kPa
+  ventricular_pressure: ["P_v", "#0072b2", "solid"], actuation_pressure: ["P_a", "#d55e00", "solid"], arterial_pressure: ["arteries", "#595959", "dot"],
+};
 
 async function showDevices(data) {
-  const [study, chosen, quantity, part, slider] = ["study", "case", "quantity", "part", "stop"].map((n) => byId(`device-${n}`));
+  const [study, chosen, quantity, part, slider, mover] = ["study", "case", "quantity", "part", "stop", "beat"].map((n) => byId(`device-${n}`));
   const shapes = {};
   for (const [divisions, text] of Object.entries(data.shapes)) shapes[divisions] = await unpack(text, Float32Array);
   const meshes = {};
   let drawn = 0; // number of the last drawing that was asked for
 
   const one = () => data.cases[chosen.value];
-  const stop = () => one().stops[Number(slider.value)];
+  const entry = () => data.studies[study.value].find((c) => c.case === chosen.value);
+  /** The circulations in which the chosen device beats, and the beat that is shown, if any. */
+  const circulations = () => data.beats[study.value]?.[entry().pouches] ?? {};
+  const beat = () => circulations()[mover.value];
+  const stop = () => (beat() ? moment() : one().stops[Number(slider.value)]);
   const shape = () => document.querySelector('input[name="shape"]:checked').value;
   const checkedLayers = () => data.layers.map((layer) => byId(`layer-${layer}`).checked);
 
@@ -112,11 +120,48 @@ async function showDevices(data) {
     return text === undefined ? null : unpackSteps(text, one().steps[name]);
   }
 
+  /** The stored states of the device on the same mesh by P_v, each with its stops by P_a. */
+  const neighbours = () =>
+    data.studies[study.value]
+      .filter((c) => c.pouches === entry().pouches && data.cases[c.case].mesh === one().mesh)
+      .sort((a, b) => a.ventricular - b.ventricular);
+
+  /** Places of the two values of a rising list beside a number, and the share of the second one. */
+  function between(values, at) {
+    const above = values.findIndex((v) => v >= at);
+    if (above === 0 || values.length === 1) return [[0, 1]];
+    if (above < 0) return [[values.length - 1, 1]];
+    const share = (at - values[above - 1]) / (values[above] - values[above - 1]);
+    return [[above - 1, 1 - share], [above, share]];
+  }
+
+  /** Pressures (kPa) and volumes (ml) at the moment of a beat that the slider is at. */
+  function moment() {
+    const k = Number(slider.value);
+    const [t, ventricular, pressure, ventricle] = ["time", "ventricular_pressure", "actuation_pressure", "ventricle_volume"].map((n) => beat()[n][k]);
+    return { t, ventricular, pressure, ventricle, values: {}, remark: "" };
+  }
+
+  /** Displacements at a moment: means of those of the states around it. */
+  async function movedBy({ ventricular, pressure }) {
+    const cases = neighbours();
+    let mean = null;
+    for (const [c, share] of between(cases.map((n) => n.ventricular), ventricular)) {
+      const near = data.cases[cases[c].case];
+      for (const [s, weight] of between(near.stops.map((of) => of.pressure), pressure)) {
+        const values = await unpackSteps(near.stops[s].values.displacement, near.steps.displacement);
+        mean ??= new Float32Array(values.length);
+        values.forEach((v, k) => (mean[k] += share * weight * v));
+      }
+    }
+    return mean;
+  }
+
   async function draw() {
     const number = ++drawn;
     const name = quantity.value;
     const mesh = await meshOf(one().mesh);
-    const displacement = await valuesOf("displacement");
+    const displacement = beat() ? await movedBy(moment()) : await valuesOf("displacement");
     const values = name === "displacement" ? null : await valuesOf(name);
     if (number !== drawn) return; // another choice was made meanwhile
     const { triangles, ends, copies } = topology(mesh, one().symmetry);
@@ -155,7 +200,30 @@ async function showDevices(data) {
       { type: "scatter3d", mode: "lines", x: lifted(x, 0), y: lifted(y, 1), z: upright, line: { color: "#202020", width: 2 }, hoverinfo: "skip" },
     ];
     await Plotly.react("device-plot", traces, layout(), CONFIG);
+    if (beat()) await drawBeat();
     tell(name, values, unknown[0].length > 0);
+  }
+
+  /** The loop of V_v and P_v, and pressures over time, with the moment that the slider is at. */
+  async function drawBeat() {
+    const shown = beat(), at = moment();
+    const closed = (values) => [...values, values[0]];
+    const over = (values, extra) => ({ type: "scatter", mode: "lines", hoverinfo: "x+y", ...extra, y: values });
+    const dot = (x, y, axes) => ({ type: "scatter", mode: "markers", x: [x], y: [y], marker: { color: "#1a1a1a", size: 10 }, showlegend: false, hoverinfo: "skip", ...axes });
+    const second = { xaxis: "x2", yaxis: "y2" };
+    const traces = [
+      over(closed(shown.ventricular_pressure), { x: closed(shown.ventricle_volume), line: { color: TRACES.ventricular_pressure[1] }, showlegend: false }),
+      dot(at.ventricle, at.ventricular, {}),
+      ...Object.entries(TRACES).map(([key, [name, color, dash]]) => over(shown[key], { x: shown.time, name: pretty(name), line: { color, dash }, ...second })),
+      dot(at.t, at.ventricular, second), dot(at.t, at.pressure, second),
+    ];
+    const grid = { gridcolor: "#e5e5e5", zerolinecolor: "#bfbfbf", linecolor: "#595959", ticks: "outside", automargin: true };
+    const title = (text) => ({ title: { text: pretty(text) } });
+    await Plotly.react("beat-plot", traces, {
+      font: FONT, margin: { l: 55, r: 10, t: 10, b: 45 }, legend: { orientation: "h", y: 0.42, yanchor: "bottom", x: 0 },
+      xaxis: { ...grid, ...title("V_v [ml]"), anchor: "y" }, yaxis: { ...grid, ...title("P_v [kPa]"), domain: [0.6, 1] },
+      xaxis2: { ...grid, ...title("time [s]"), anchor: "y2" }, yaxis2: { ...grid, ...title("pressure [kPa]"), domain: [0, 0.4] },
+    }, CONFIG);
   }
 
   /** One scale for all P_a and all cases of the study. */
@@ -188,14 +256,17 @@ async function showDevices(data) {
   const eye = (view) => ({ x: VIEWS[view][0], y: VIEWS[view][1], z: VIEWS[view][2] });
 
   function tell(name, values, unknown) {
-    const { pressure, remark } = stop();
-    const text = `${short(pressure)} kPa${remark ? `, ${remark}` : ""}`;
+    const { t, pressure, remark, ventricular, ventricle } = stop();
+    const text = beat()
+      ? `${t.toFixed(2)} s: P_a ${pressure.toFixed(1)}, P_v ${ventricular.toFixed(1)} kPa, V_v ${ventricle.toFixed(0)} ml`
+      : `${short(pressure)} kPa${remark ? `, ${remark}` : ""}`;
     byId("device-pressure").textContent = text;
     slider.setAttribute("aria-valuetext", text);
     const said = [];
     if (name !== "displacement" && !values) said.push("Not stored at this pressure: grey.");
     else if (unknown) said.push(name === "cycles" ? "Grey: away from seams, where cycles are not estimated. The last colour is the endurance range, for which no number is given." : "Grey: no value.");
-    if (one().stops.length < one().stored) said.push(`${one().stops.length} of ${one().stored} stored pressures are shown.`);
+    if (beat()) said.push(`${beat().note}. The shape lies between stored states of loading with P_v and P_a around those of the moment.`);
+    else if (one().stops.length < one().stored) said.push(`${one().stops.length} of ${one().stored} stored pressures are shown.`);
     said.push("The scale is that of all cases of the study; what lies beyond an end has its colour.");
     byId("device-note").textContent = said.join(" ");
   }
@@ -206,10 +277,21 @@ async function showDevices(data) {
   }
 
   function chooseCase() {
+    const beats = Object.entries(circulations());
+    byId("device-beats").hidden = !beats.length;
+    fill(mover, [[STORED, "stored pressures"], ...beats.map(([name, { time, note }]) => [name, time ? name.replaceAll("_", " ") : `${name.replaceAll("_", " ")} (${note})`, !time])]);
+    return chooseMover();
+  }
+
+  function chooseMover() {
     const at = slider.max === "0" ? 0 : Number(slider.value) / Number(slider.max);
-    slider.max = one().stops.length - 1;
+    slider.max = (beat() ? beat().time.length : one().stops.length) - 1;
     slider.value = Math.round((drawn ? at : 1) * slider.max); // first the highest pressure
-    const names = Object.keys(data.quantities).filter((name) => name in one().steps);
+    const before = byId("beat-plot").hidden;
+    byId("beat-plot").hidden = !beat();
+    if (before !== byId("beat-plot").hidden && drawn) Plotly.Plots.resize("device-plot");
+    byId("device-stops").innerHTML = beat() ? "Time in the beat" : "Actuation pressure P<sub>a</sub>";
+    const names = Object.keys(data.quantities).filter((name) => name in one().steps && (!beat() || name === "displacement"));
     fill(quantity, names.map((name) => [name, `${data.quantities[name].name}${unit(data.quantities[name].units)}`]));
     return draw();
   }
@@ -228,6 +310,7 @@ async function showDevices(data) {
   }
   study.addEventListener("change", chooseStudy);
   chosen.addEventListener("change", chooseCase);
+  mover.addEventListener("change", chooseMover);
   for (const control of [quantity, part]) control.addEventListener("change", draw);
   for (const radio of document.querySelectorAll('input[name="shape"]')) radio.addEventListener("change", draw);
   slider.addEventListener("input", draw);

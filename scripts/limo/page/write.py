@@ -20,6 +20,8 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from PIL import Image
 from plotly.offline import get_plotlyjs
 
+from limo.beat.circulations import FOLDER as CIRCULATIONS
+from limo.beat.circulations import read_circulations
 from limo.datasets.variables import SYMBOLS, place
 from limo.errors import ResultError
 from limo.figures.style import COLORS
@@ -41,13 +43,14 @@ _HASH = re.compile(r"\b([0-9a-f]{8})[0-9a-f]{8,}\b")
 
 @dataclass(frozen=True)
 class CaseRow:
-    """A case of a study: what it is, how it ended, why, what else is to be said, and its files."""
+    """A case of a study: what it is, how it ended, why, what else is to be said, its files, and its N_p and P_v (kPa)."""
 
     case_id: str
     label: str
     status: str
     remarks: list[str]
     links: list[tuple[str, str]]
+    place: dict[str, float]
 
 
 @dataclass(frozen=True)
@@ -77,9 +80,12 @@ class StudyPart:
     problem: str = ""
 
 
-def write_page(results: Path, studies: Mapping[str, Study]) -> str:
-    """Write the page of all of ``studies`` that have been gathered below ``results``; returns a line about it."""
-    parts, plots, shown = [], {}, {}
+def write_page(results: Path, studies: Mapping[str, Study], circulations: Path = CIRCULATIONS) -> str:
+    """Write the page of all of ``studies`` that have been gathered below ``results``; returns a line about it.
+
+    Their devices beat in the ``circulations`` of a folder.
+    """
+    parts, plots, shown, beats = [], {}, {}, {}
     devices = Devices(results, BUDGET)
     for name, study in studies.items():
         file = dataset_of(results, name)
@@ -94,7 +100,11 @@ def write_page(results: Path, studies: Mapping[str, Study]) -> str:
         except (OSError, ValueError, KeyError, AttributeError) as error:
             part.problem = f"{file.name}: not a study's dataset ({error})"
             continue
-        shown[name] = [{"case": case.case_id, "label": case.label} for case in part.cases]
+        shown[name] = [{"case": case.case_id, "label": case.label, **case.place} for case in part.cases]
+        if study.actuation:
+            from limo.page.beats import beats_of  # compiled loops, for a study that has a use for them
+
+            beats[name] = beats_of(file, read_circulations(circulations))
     context = {
         "studies": parts,
         "absent": [name for name in studies if name not in {part.name for part in parts}],
@@ -102,9 +112,9 @@ def write_page(results: Path, studies: Mapping[str, Study]) -> str:
         "library": pack_bytes(get_plotlyjs().encode()),
     }
     without = _render(context | {"left_out": "", "devices": "", "problems": _problems(parts, devices)})
-    notes = devices.fit(BUDGET - len(without.encode()) - _ROOM * sum(len(part.cases) for part in parts))
+    notes = devices.fit(BUDGET - len(without.encode()) - len(json.dumps(beats)) - _ROOM * sum(len(part.cases) for part in parts))
     shown = {name: [c for c in cases if c["case"] in devices.cases] for name, cases in shown.items()}
-    plain = devices.plain() | {"studies": {name: cases for name, cases in shown.items() if cases}}
+    plain = devices.plain() | {"studies": {name: cases for name, cases in shown.items() if cases}, "beats": beats}
     page = _render(context | {"left_out": notes, "devices": plain, "problems": _problems(parts, devices)})
     write_whole(results / FILE, lambda path: path.write_text(page, encoding="utf-8"))
     size = (results / FILE).stat().st_size / 1e6
@@ -137,7 +147,14 @@ def _fill(part: StudyPart, results: Path, study: Study, dataset: xr.Dataset, dev
         devices.add(case_id)
         engines.add(_engine(results, case_id))
         part.cases.append(
-            CaseRow(case_id, _label(case, varying), str(case.case_status.values), _remarks(case), _case_links(results, case_id))
+            CaseRow(
+                case_id,
+                _label(case, varying),
+                str(case.case_status.values),
+                _remarks(case),
+                _case_links(results, case_id),
+                {"pouches": int(case.n_pouches), "ventricular": float(case.ventricular_pressure)},
+            )
         )
     part.statuses = sorted(Counter(case.status for case in part.cases).items())
     builds = dict.fromkeys(_HASH.sub(r"\1", b) for b in np.unique(dataset.solver_build.values.astype(str)) if b)

@@ -2,23 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import xarray as xr
 
+from limo.beat.bands import Members
+from limo.beat.circulations import FOLDER, read_circulations
 from limo.beat.linear import fitted, linear_surface
-from limo.beat.periodic import MMHG, PERIODIC_STATE, Beating, beating
+from limo.beat.periodic import MMHG, PERIODIC_STATE, SIDES, Beating, beating
 from limo.beat.surface import Surface, read_surfaces
 from limo.beat.sweep import held, with_keys
-from limo.config.yaml_file import parse, read_yaml
+from limo.errors import ResultError
 from limo.reports.markdown import markdown_table
 from limo.schema.beat import Beat
+from limo.store.files import UNREADABLE
 
-#: kept by ``limo beat surface --keep``, and where circulations are
-KEPT, CIRCULATIONS = Path("docs/data/surfaces.nc"), Path("config/beats")
+#: kept by ``limo beat surface --keep``
+KEPT = Path("docs/data/surfaces.nc")
+#: kept by ``limo gallery``: the studies of cycles, of syringes, and of the legs that surfaces are of
+CYCLES, SYRINGES, LEGS = (Path("docs/gallery/data") / f"{study}.nc" for study in ("cycle", "syringe", "surface"))
 #: the device of tables of one, and pressures (kPa) over which the linear law is fitted: those of a beat
 DEVICE, FITTED_VENTRICULAR, FITTED_ACTUATION = 8, (0.5, 20.0), (0.0, 100.0)
 #: peripheral resistances of the rule over that of the circulation, and the pressures (kPa) that a driver may have
@@ -35,11 +41,14 @@ def parts(root: Path) -> dict[str, Callable[[], str]]:
 
     @cache
     def circulations() -> dict[str, Beat]:
-        files = sorted((root / CIRCULATIONS).glob("*.yaml"))
-        return {file.stem: parse(Beat, read_yaml(file), file) for file in files}
+        return read_circulations(root / FOLDER)
 
     return {
+        "cycles": lambda: _cycles(_dataset(root / CYCLES)),
+        "syringes": lambda: _syringes(_dataset(root / SYRINGES)),
+        "energy": lambda: _energy(surfaces(), _dataset(root / LEGS)),
         "devices": lambda: _devices(surfaces(), circulations()),
+        "bands": lambda: _bands(surfaces()[DEVICE], circulations()),
         "surfaces": lambda: _surfaces(surfaces()),
         "linear": lambda: _linear(surfaces()[DEVICE], circulations()["healthy"]),
         "rule": lambda: _rule(surfaces()[DEVICE], circulations()["healthy"]),
@@ -48,16 +57,120 @@ def parts(root: Path) -> dict[str, Callable[[], str]]:
 
 def _devices(surfaces: dict[int, Surface], circulations: dict[str, Beat]) -> str:
     """Every device in every circulation."""
-    rows = [
-        {"circulation": name, "N_p": n} | _numbers(beating(surface, beat))
-        for name, beat in circulations.items()
-        for n, surface in surfaces.items()
-    ]
+    rows = []
+    for name, beat in circulations.items():
+        for n, surface in surfaces.items():
+            found = beating(surface, beat)
+            for k in range(len(found.traces)):
+                device = name if k == 0 else f"{name}, {SIDES[k]}"
+                rows.append({"circulation": device, "N_p": n} | _numbers(found, k))
     return markdown_table(pd.DataFrame(rows).fillna(""))
 
 
-def _numbers(found: Beating) -> dict[str, str]:
-    n = {name: float(value[0]) for name, value in found.numbers.items()}
+def _bands(surface: Surface, circulations: dict[str, Beat]) -> str:
+    """Numbers of one device, and their ranges with any one P_v left out."""
+    members, rows = Members(surface), []
+    for name, beat in circulations.items():
+        bands, whole = members.bands(beat), beating(surface, beat).numbers
+        row = {"circulation": name}
+        for key, text, unit, digits in (
+            ("stroke_volume", "stroke [ml]", 1.0, 0),
+            ("cardiac_output", "output [l/min]", 1.0, 2),
+            ("arterial_mean", "mean arterial [mmHg]", MMHG, 0),
+            ("actuation_peak", "P_a up to [kPa]", 1.0, 1),
+            ("power", "power [W]", 1.0, 1),
+        ):
+            low, high = (value / unit for value in bands[key])
+            ends = f"{low:.{digits}f} to {high:.{digits}f}" if np.isfinite(low) else "not all periodic"
+            row[text] = f"{float(whole[key][0]) / unit:.{digits}f} ({ends})"
+        rows.append(row)
+    return markdown_table(pd.DataFrame(rows))
+
+
+def _dataset(file: Path) -> xr.Dataset:
+    """A kept dataset of a study. Raises ``ResultError``."""
+    try:
+        with xr.open_dataset(file) as opened:
+            return opened.load()
+    except UNREADABLE as error:
+        raise ResultError(f"{file}: no dataset of a study ({error})") from None
+
+
+def _each(dataset: xr.Dataset) -> Iterator[tuple[dict[str, str], xr.Dataset]]:
+    """Cases of a study over N_p and P_v: how their row begins, and what they have."""
+    cases = dataset.squeeze([d for d in dataset.case_status.dims if d not in ("n_pouches", "ventricular_pressure")])
+    for n in cases.n_pouches.values:
+        for pressure in cases.ventricular_pressure.values:
+            case = cases.sel(n_pouches=n, ventricular_pressure=pressure)
+            yield {"N_p": str(int(n)), "P_v [kPa]": f"{pressure:g}", "status": str(case.case_status.values)}, case
+
+
+def _cycles(dataset: xr.Dataset) -> str:
+    """What the first cycle takes and leaves, and how far the second one is from it."""
+    rows = []
+    for row, case in _each(dataset):
+        given = float(case.leg_actuation_work.sel(leg=0))
+        rows.append(
+            row
+            | {
+                "first cycle takes [mJ]": f"{float(case.hysteresis_dissipated):.0f}",
+                "of the ramp's work [%]": f"{100 * float(case.hysteresis_dissipated) / given:.0f}",
+                "V_v after it less before [ml]": f"{float(case.residual_ventricle_volume):+.1f}",
+                "V_a [ml]": f"{float(case.residual_actuation_volume):+.1f}",
+                "second cycle off by [%]": f"{100 * float(case.second_cycle_difference):.1f}",
+            }
+        )
+    return markdown_table(pd.DataFrame(rows))
+
+
+def _syringes(dataset: xr.Dataset) -> str:
+    """The pressure that a volume needs, where it falls on the way there, and what the way there and back takes."""
+    rows = []
+    for row, case in _each(dataset):
+        there = case.leg_pressure_of_volume.sel(leg=1).dropna("given_volume")
+        falls = np.diff(there.values)
+        rows.append(
+            row
+            | {
+                "V_a [ml]": f"{float(there.given_volume[-1]):.0f}",
+                "P_a there [kPa]": f"{float(case.leg_actuation_pressure.sel(leg=1)):.1f}",
+                "largest fall of P_a on the way [kPa]": f"{max(0.0, -falls.min()):.1f}",
+                "there and back takes [mJ]": f"{float(case.hysteresis_dissipated):.0f}",
+                "of the work there [%]": f"{100 * float(case.hysteresis_dissipated / case.leg_actuation_work.sel(leg=1)):.0f}",
+            }
+        )
+    return markdown_table(pd.DataFrame(rows))
+
+
+def _energy(surfaces: dict[int, Surface], dataset: xr.Dataset) -> str:
+    """Along ramps: what snaps take, and how far the work by the surface is from that by the solved volumes."""
+    cases = dataset.squeeze([d for d in dataset.case_status.dims if d not in ("n_pouches", "ventricular_pressure")], drop=True)
+    rows = []
+    for n, surface in surfaces.items():
+        ramp = cases.sel(n_pouches=n, leg=0)
+        given = ramp.leg_actuation_work.values
+        taken = 100 * ramp.leg_dissipated.values / given
+        off = 100 * np.array([_work(surface, float(p)) for p in ramp.ventricular_pressure]) / given
+        off -= 100 * (given + ramp.leg_ventricular_work.values) / given
+        rows.append(
+            {
+                "N_p": n,
+                "work of P_a [mJ]": f"{given.min():.0f} to {given.max():.0f}",
+                "snaps take of it [%]": f"{taken.min():.1f} to {taken.max():.1f}",
+                "work of both by the surface off by [%]": f"{off.min():+.1f} to {off.max():+.1f}",
+            }
+        )
+    return markdown_table(pd.DataFrame(rows))
+
+
+def _work(surface: Surface, ventricular: float) -> float:
+    """Work (mJ) of P_a and P_v along a ramp at a P_v (kPa) on the sheet of loading."""
+    ventricle, pouches = (v[0] for v in surface.potentials[0].volumes(np.array([ventricular]), surface.actuation))
+    return float(np.trapezoid(surface.actuation, pouches)) + ventricular * float(ventricle[-1] - ventricle[0])
+
+
+def _numbers(found: Beating, side: int = 0) -> dict[str, str]:
+    n = {name: float(value[side]) for name, value in found.numbers.items()}
     if found.status != PERIODIC_STATE:
         return {"state": f"{found.status}: {found.reason}"}
     return {

@@ -6,17 +6,17 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-import xarray as xr
 
+from limo.beat.bands import Members
 from limo.beat.periodic import MMHG, PERIODIC_STATE, Beating, beating
-from limo.beat.surface import Surface, read_surfaces, surfaces_of, write_surfaces
+from limo.beat.surface import Surface, surfaces_beside, write_surfaces
 from limo.beat.sweep import swept
 from limo.config.yaml_file import parse, read_yaml
 from limo.errors import ConfigError, ResultError
 from limo.figures import beat as figure
 from limo.figures import style
 from limo.schema.beat import Beat
-from limo.store.files import UNREADABLE, write_netcdf
+from limo.store.files import write_netcdf
 from limo.store.results import Results
 from limo.terminal.settings import with_settings
 
@@ -41,16 +41,7 @@ def read_surface(study: str, results: Path, n_pouches: int | None, kept: Path | 
     Surfaces are fitted once for a study, and lie beside its dataset.
     """
     file = Path(study) if study.endswith(".nc") else Results(results).study(study).dataset
-    aside = file.with_name(f"{file.stem}_surfaces.nc")
-    if not (aside.exists() and file.exists() and aside.stat().st_mtime >= file.stat().st_mtime):
-        try:
-            with xr.open_dataset(file) as dataset:
-                write_surfaces(surfaces_of(dataset.load()), aside)
-        except UNREADABLE:
-            raise ResultError(f"{file}: no dataset of a study; snakemake {study} makes it") from None
-        except ResultError as error:
-            raise ResultError(f"{file}: {error}") from None
-    surfaces = read_surfaces(aside)
+    surfaces = surfaces_beside(file)
     if kept is not None:
         write_surfaces(surfaces, kept, slopes=False)
     if n_pouches is None and len(surfaces) == 1:
@@ -75,8 +66,8 @@ def values_of(texts: Sequence[str]) -> dict[str, np.ndarray]:
     return keys
 
 
-def run_beat(surface: Surface, beat: Beat, folder: Path) -> str:
-    """Beat, write the last beat and its picture into ``folder``; returns what is printed."""
+def run_beat(surface: Surface, beat: Beat, folder: Path, *, band: bool = False) -> str:
+    """Beat, write the last beat and its picture into ``folder``; returns what is printed, with ``band`` the ranges of numbers."""
     found = beating(surface, beat)
     if not np.isfinite(found.numbers["stroke_volume"]).all():
         raise ResultError(found.reason)
@@ -87,7 +78,17 @@ def run_beat(surface: Surface, beat: Beat, folder: Path) -> str:
     drawn = figure.draw(dataset)
     style.save(drawn, folder / "beat.png")
     style.close(drawn)
-    return "\n".join([*_lines(found, surface), f"  {folder / 'beat.nc'}, {folder / 'beat.png'}"])
+    ranges = _ranges(surface, beat) if band else []
+    return "\n".join([*_lines(found, surface), *ranges, f"  {folder / 'beat.nc'}, {folder / 'beat.png'}"])
+
+
+def _ranges(surface: Surface, beat: Beat) -> list[str]:
+    """What the left device's numbers range over if any inner P_v is left out of its surface."""
+    between = {name: f"{low:.3g} to {high:.3g}" for name, (low, high) in Members(surface).bands(beat).items()}
+    return [
+        f"  with any one P_v left out: {between['stroke_volume']} ml a beat, {between['cardiac_output']} l/min, P_a up to "
+        f"{between['actuation_peak']} kPa, {between['power']} W"
+    ]
 
 
 def run_sweep(surface: Surface, beat: Beat, keys: dict[str, np.ndarray], folder: Path) -> str:

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from limo.beat.bands import Members
+from limo.beat.circulations import read_circulations
 from limo.beat.loop import ATMOSPHERE
 from limo.beat.periodic import MMHG, NOT_PERIODIC, PERIODIC_STATE, beating
-from limo.beat.surface import Surface
+from limo.beat.surface import Surface, read_surfaces
 from limo.beat.sweep import held, swept, with_keys
 from limo.config.yaml_file import parse, read_yaml
 from limo.errors import ConfigError, LimoError
@@ -120,6 +122,37 @@ def test_two_devices_pump_the_same_around_two_circuits(healthy):
     strokes = found.numbers["stroke_volume"]
     assert strokes[0] == pytest.approx(strokes[1], rel=2e-2)
     assert found.numbers["arterial_mean"][0] > 2 * found.numbers["arterial_mean"][1]
+
+
+def test_a_band_is_as_wide_as_one_pressure_decides(healthy):
+    """Any places give a linear device; V_v that is 15 ml more at one P_v of a beat shows in the band, and not without it."""
+    plain, beat = linear(), healthy
+    low, high = Members(plain).bands(beat)["stroke_volume"]
+    whole = float(beating(plain, beat).numbers["stroke_volume"][0])
+    assert low <= whole <= high
+    assert high - low < 1e-3 * whole
+    volumes = plain.volumes.copy()
+    volumes[:, 0, 2] += 15.0  # at 10 kPa
+    odd = Members(Surface("odd", plain.ventricular, plain.actuation, volumes))
+    low, high = odd.bands(beat)["stroke_volume"]
+    assert high - low > 1.0
+    lacking = beating(odd.surfaces[2], beat).numbers["stroke_volume"][0]
+    assert lacking == pytest.approx(whole, rel=1e-3)
+
+
+def test_a_band_with_a_member_that_does_not_beat_is_no_number(healthy):
+    """Without the largest P_a of it no surface is wide enough: the band has no ends, rather than those of fewer surfaces."""
+    strong = with_keys(healthy, {"driver.source_pressure": 200.0})
+    assert np.isnan(Members(linear()).bands(strong)["stroke_volume"]).all()
+
+
+def test_two_devices_of_the_project_pump_the_same(root):
+    beat = read_circulations(root / "config/beats")["two_devices"]
+    found = beating(read_surfaces(root / "docs/data/surfaces.nc")[8], beat)
+    assert found.status == PERIODIC_STATE, found.reason
+    left, right = found.numbers["stroke_volume"]
+    assert left == pytest.approx(right, rel=1e-2)
+    assert found.numbers["arterial_mean"][1] < 0.4 * found.numbers["arterial_mean"][0]
 
 
 def test_what_cannot_beat_says_why(healthy):

@@ -14,6 +14,9 @@ import pytest
 import xarray as xr
 from PIL import Image
 
+from limo.beat.circulations import read_circulations
+from limo.beat.surface import Surface as SurfaceOfADevice
+from limo.beat.surface import write_surfaces
 from limo.cases.case import describe
 from limo.cases.grid import study_cases
 from limo.cases.plan import make_plan
@@ -23,6 +26,7 @@ from limo.mechanics.build import build_model
 from limo.mechanics.layer import nodal
 from limo.mesh.file import write_mesh
 from limo.page import BUDGET, sources
+from limo.page.beats import MOMENTS, beats_of
 from limo.page.devices import LEFT_OUT, MOST_PRESSURES, QUANTITIES, Devices, spread
 from limo.page.packing import pack, pack_steps
 from limo.page.write import write_page
@@ -126,6 +130,25 @@ def read(page) -> Reader:
 @pytest.fixture(scope="module")
 def devices(read) -> dict:
     return json.loads(read.data["devices"])
+
+
+def test_a_study_without_surfaces_has_no_beats_and_one_with_them_has_every_circulation(tmp_path, root):
+    circulations = read_circulations(root / "config/beats")
+    none = tmp_path / "study.nc"
+    xr.Dataset({"stroke_volume": 1.0}).to_netcdf(none)
+    assert beats_of(none, circulations) == {}
+    p_v, p_a = np.linspace(0, 40, 9), np.linspace(0, 62, 32)
+    x, y = np.meshgrid(p_v, p_a, indexing="ij")
+    volumes = np.stack([250 + 6 * x - 1.4 * y, 60 - 1.4 * x + 1.2 * y])
+    write_surfaces({8: SurfaceOfADevice("linear", p_v, p_a, np.stack([volumes, volumes]))}, tmp_path / "study_surfaces.nc")
+    found = beats_of(none, circulations)["8"]
+    assert set(found) == set(circulations)
+    assert "outside surface" in found["hypertension"]["note"], "its driver goes beyond 62 kPa"
+    assert "time" not in found["hypertension"]
+    one = found["healthy"]
+    assert len(one["time"]) == len(one["arterial_pressure"]) == MOMENTS
+    assert np.ptp(one["ventricle_volume"]) > 20
+    assert "ml a beat" in one["note"]
 
 
 def test_no_text_of_a_result_becomes_code(page, read):
