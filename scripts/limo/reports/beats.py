@@ -21,14 +21,20 @@ from limo.reports.markdown import markdown_table
 from limo.schema.beat import Beat
 from limo.store.files import UNREADABLE
 
-#: kept by ``limo beat surface --keep``
-KEPT = Path("docs/data/surfaces.nc")
+#: kept by ``limo beat surface --keep`` and ``limo beat surface_mini --keep``
+KEPT, KEPT_MINI = Path("docs/data/surfaces.nc"), Path("docs/data/surfaces_mini.nc")
+#: what the authors state for their smaller device of N_p = 6 at this source (kPa), in the circulation ``healthy``
+SOURCE, STATED = (
+    100.0,
+    {"stroke [ml]": "70", "ejection fraction [%]": "28", "arteries [mmHg]": "121/73", "mean arterial [mmHg]": "93"},
+)
 #: kept by ``limo gallery``: the studies of cycles, of syringes, and of the legs that surfaces are of
 CYCLES, SYRINGES, LEGS = (Path("docs/gallery/data") / f"{study}.nc" for study in ("cycle", "syringe", "surface"))
 #: the device of tables of one, and pressures (kPa) over which the linear law is fitted: those of a beat
 DEVICE, FITTED_VENTRICULAR, FITTED_ACTUATION = 8, (0.5, 20.0), (0.0, 100.0)
 #: peripheral resistances of the rule over that of the circulation, and the pressures (kPa) that a driver may have
 AFTERLOADS, DRIVER = (0.5, 0.75, 1.0, 1.25, 1.5, 2.0), (20.0, 99.0)
+_SENSITIVITY = "dSV/dP [ml/mmHg]"
 _RESISTANCE, _SOURCE = "systemic.peripheral_resistance", "driver.source_pressure"
 
 
@@ -50,6 +56,7 @@ def parts(root: Path) -> dict[str, Callable[[], str]]:
         "devices": lambda: _devices(surfaces(), circulations()),
         "bands": lambda: _bands(surfaces()[DEVICE], circulations()),
         "surfaces": lambda: _surfaces(surfaces()),
+        "authors": lambda: _authors(read_surfaces(root / KEPT_MINI)[6], circulations()["healthy"]),
         "linear": lambda: _linear(surfaces()[DEVICE], circulations()["healthy"]),
         "rule": lambda: _rule(surfaces()[DEVICE], circulations()["healthy"]),
     }
@@ -85,6 +92,30 @@ def _bands(surface: Surface, circulations: dict[str, Beat]) -> str:
             row[text] = f"{float(whole[key][0]) / unit:.{digits}f} ({ends})"
         rows.append(row)
     return markdown_table(pd.DataFrame(rows))
+
+
+def _authors(surface: Surface, beat: Beat) -> str:
+    """The smaller device at the authors' pressure beside what they state, with the range if any one P_v is left out."""
+    beat = with_keys(beat, {_SOURCE: SOURCE})
+    found, bands = beating(surface, beat), Members(surface).bands(beat)
+    own = _numbers(found) | {"mean arterial [mmHg]": f"{float(found.numbers['arterial_mean'][0]) / MMHG:.0f}"}
+    ends = {
+        "stroke [ml]": _ends(bands["stroke_volume"], 1.0),
+        "ejection fraction [%]": _ends(bands["ejection_fraction"], 0.01),
+        "arteries [mmHg]": f"{_ends(bands['arterial_systolic'], MMHG)} / {_ends(bands['arterial_diastolic'], MMHG)}",
+        "mean arterial [mmHg]": _ends(bands["arterial_mean"], MMHG),
+    }
+    rows = [
+        {"": "its surface"} | {name: own[name] for name in STATED},
+        {"": "with any one P_v left out"} | ends,
+        {"": "stated"} | STATED,
+    ]
+    return markdown_table(pd.DataFrame(rows))
+
+
+def _ends(band: tuple[float, float], unit: float) -> str:
+    low, high = (value / unit for value in band)
+    return f"{low:.0f} to {high:.0f}" if np.isfinite(low) else "not all periodic"
 
 
 def _dataset(file: Path) -> xr.Dataset:
@@ -234,12 +265,13 @@ def _linear(surface: Surface, beat: Beat) -> str:
 def _rule(surface: Surface, beat: Beat) -> str:
     """Stroke over afterload, and the source pressure that holds the output."""
     target = float(beating(surface, beat).numbers["cardiac_output"][0])
-    rows, needed, against = [], [], []
+    rows, needed, against, curve = [], [], [], []
     for factor in AFTERLOADS:
         loaded = with_keys(beat, {_RESISTANCE: factor * beat.systemic.peripheral_resistance})
         free, pressure = beating(surface, loaded), held(surface, loaded, "cardiac_output", target, _SOURCE, *DRIVER)
         row = {"R_p over that of the circulation": f"{factor:g}"}
-        row |= _pressure_and_stroke(free, "same driver: ")
+        row |= _pressure_and_stroke(free, "same driver: ") | {_SENSITIVITY: ""}
+        curve.append([float(free.numbers[name][0]) for name in ("arterial_mean", "stroke_volume")])
         if np.isfinite(pressure):
             controlled = beating(surface, with_keys(loaded, {_SOURCE: pressure}))
             needed.append(pressure)
@@ -248,6 +280,9 @@ def _rule(surface: Surface, beat: Beat) -> str:
         else:
             row |= {"held: source [kPa]": "not reached", "held: mean arterial [mmHg]": ""}
         rows.append(row)
+    pressure, stroke = np.array(curve).T
+    for row, slope in zip(rows, np.gradient(stroke, pressure / MMHG), strict=True):
+        row[_SENSITIVITY] = f"{slope:.2f}"
     slope, offset = np.polyfit(against, needed, 1)
     miss = np.abs(slope * np.array(against) + offset - needed).max()
     sentence = (

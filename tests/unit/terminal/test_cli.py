@@ -165,6 +165,7 @@ def ask(line, tmp_path, *options):
                 "shells_np4",
                 "seam_positions",
                 "surface",
+                "surface_mini",
                 "syringe",
             },
         ),
