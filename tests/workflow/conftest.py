@@ -172,6 +172,9 @@ def everything(tmp_path_factory: pytest.TempPathFactory) -> Project:
 
     def make(folder: Path) -> None:
         project = make_project(folder)
+        filled = {"actuation_volume": ["rest", 3, "rest"], "frames": [0.0], "figures": ["loops"]}
+        axes = {"n_pouches": [4], "ventricular_pressure": [3.8]}
+        project.study("filled", device="limo_2025", axes=axes, engine="newton", actuation_pressure_max=0, **filled)
         project.study(
             "tiny",
             device="limo_2025",  # its pattern has good elements on so coarse a mesh
@@ -193,9 +196,6 @@ def everything(tmp_path_factory: pytest.TempPathFactory) -> Project:
             figures=["pressure_volume", "von_mises", "cycles", "strain_paths", "buckling", "loops"],
             measured="config/measured/curves_synthetic.csv",
         )
-        filled = {"actuation_volume": ["rest", 3, "rest"], "frames": [0.0], "figures": ["loops"]}
-        axes = {"n_pouches": [4], "ventricular_pressure": [3.8]}
-        project.study("filled", device="limo_2025", axes=axes, engine="newton", actuation_pressure_max=0, **filled)
         airbags = project.folder / "config" / "airbags"
         airbag = yaml.safe_load((airbags / "classical.yaml").read_text())
         shutil.rmtree(airbags)
