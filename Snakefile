@@ -39,6 +39,7 @@ KEPT_FOLDER = Path("docs/gallery/data")
 if Path(sys.executable).exists():
     sys.executable = shlex.quote(sys.executable)
 RESULTS = Results(Path("results"))
+EXPLORATIONS = sorted(file.stem for file in Path(CONFIG_FILE).parent.glob("explorations/*.yaml"))
 # The studies of the paper; their cases are shared, and each is solved once.
 PAPER = [
     "kinematics",
@@ -104,8 +105,16 @@ wildcard_constraints:
     mesh=r"\w+",
     study="|".join(PROJECT.studies) or "none",
     airbag="|".join(PROJECT.airbags) or "none",
+    exploration="|".join(EXPLORATIONS) or "none",
+    round=r"\d+",
     run=r"\w+",
     figure=r"[a-z_]+",
+
+
+# a mistake in an exploration that is asked for is told before anything else
+for name in WORDS:
+    if name in EXPLORATIONS:
+        exploration(name)
 
 
 # seconds each, so not worth a job on a cluster; its profile puts the rules of a case into one
@@ -119,6 +128,9 @@ localrules:
     draw_accuracy,
     fit_material,
     check_paper,
+    propose_designs,
+    tell_designs,
+    report_exploration,
 
 
 # A job of a cluster is a Snakemake already: what is local to it runs there, all else in one more Snakemake for each rule.
@@ -146,6 +158,7 @@ include: "workflow/rules/paper.smk"
 include: "workflow/rules/stress_test.smk"
 include: "workflow/rules/page.smk"
 include: "workflow/rules/accuracy.smk"
+include: "workflow/rules/explore.smk"
 
 
 for name in PROJECT.studies:

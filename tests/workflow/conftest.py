@@ -172,22 +172,19 @@ def everything(tmp_path_factory: pytest.TempPathFactory) -> Project:
 
     def make(folder: Path) -> None:
         project = make_project(folder)
-        filled = {"actuation_volume": ["rest", 3, "rest"], "frames": [0.0], "figures": ["loops"]}
-        axes = {"n_pouches": [4], "ventricular_pressure": [3.8]}
-        project.study("filled", device="limo_2025", axes=axes, engine="newton", actuation_pressure_max=0, **filled)
+        axes = {"n_pouches": [4], "ventricular_pressure": [3.8], "width_scale": [0.9], "fabric_angle": [0], "bending_factor": [1]}
+        shared = {
+            "device": "limo_2025",  # its pattern has good elements on so coarse a mesh
+            "axes": axes,
+            "material": {"weave": {"warp_modulus": 280, "weft_modulus": 250, "poisson_ratio": 0.3, "shear_modulus": 90}},
+            "engine": "newton",
+            "variants": {"plain": {}},
+        }
+        filled = {"actuation_volume": ["rest", 3, "rest"], "frames": [0.0], "figures": ["loops"], "actuation_pressure_max": 0}
+        project.study("filled", **shared, **filled)
         project.study(
             "tiny",
-            device="limo_2025",  # its pattern has good elements on so coarse a mesh
-            axes={
-                "n_pouches": [4],
-                "ventricular_pressure": [3.8],
-                "width_scale": [0.9],
-                "fabric_angle": [0],
-                "bending_factor": [1],
-            },
-            material={"weave": {"warp_modulus": 280, "weft_modulus": 250, "poisson_ratio": 0.3, "shear_modulus": 90}},
-            engine="newton",
-            variants={"plain": {}},
+            **shared,
             branches=2,
             cross_check=1,
             outputs=["volumes", "contact", "stress", "strain", "fatigue", "fields"],

@@ -152,7 +152,7 @@ def test_datasets_can_be_turned_into_classic_netcdf(everything, name, tmp_path):
 def test_the_documented_line_for_texts_works_in_octave(everything, tmp_path):
     """The remedy of docs/troubleshooting.md, on a study of several dimensions and with the words that Python reads."""
     (remedy,) = re.findall(r"`(t = ncread.*?)`", DOCUMENT.with_name("troubleshooting.md").read_text(encoding="utf-8"))
-    (file,) = files(everything, DATASETS["study.nc"])
+    (file,) = files(everything, "studies/tiny/study.nc")
     script = f"pkg load netcdf; file = '{file}'; {remedy}; for k = 1:rows(t) disp(t(k, :)); end"
     done = subprocess.run(["octave", "--no-gui", "--quiet", "--eval", script], capture_output=True, text=True, check=False)
     if "netcdf" in done.stderr and "not" in done.stderr:

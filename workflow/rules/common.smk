@@ -25,13 +25,87 @@ def planned(tested=False):
 
 
 def planned_for(case_id):
-    """The plan that holds a case: of the stress test only where no study asks for the case."""
+    """The plan that holds a case: of designs and of the stress test only where no study asks for the case."""
+    if case_id not in PLAN.cases and case_id in designs_on_disk().plan.cases:
+        return designs_on_disk()
     return planned(tested=case_id not in PLAN.cases)
 
 
 def planned_mesh(mesh_id):
     """The same for a mesh."""
+    if mesh_id not in planned().meshes and mesh_id in designs_on_disk().meshes:
+        return designs_on_disk()
     return planned(tested=mesh_id not in planned().meshes)
+
+
+def wanted_of(wildcards):
+    """What is measured of the case that a path names."""
+    return planned_for(wildcards.case).plan.wanted[wildcards.case]
+
+
+@cache
+def exploration(name):
+    """An exploration, read when it is asked for, or when a case is that of no study."""
+    from limo.explore.rounds import read_exploration
+
+    try:
+        return read_exploration(PROJECT, Path(CONFIG_FILE), name)
+    except LimoError as error:
+        raise WorkflowError(str(error)) from None
+
+
+def designs_on_disk():
+    """The plan of the designs that explorations have proposed so far, as ``planned``; ``project`` has them as studies."""
+    files = sorted(RESULTS.explorations.glob("*/round_*.json"))
+    return _designs_of(tuple((str(file), file.stat().st_mtime_ns) for file in files))
+
+
+@cache
+def _designs_of(rounds):
+    from limo.explore.rounds import explored
+
+    begun = {Path(file).parent.name for file, _ in rounds} & set(EXPLORATIONS)
+    project = explored(PROJECT, {name: exploration(name) for name in sorted(begun)}, RESULTS)
+    if not project.studies:
+        return SimpleNamespace(project=PROJECT, plan=SimpleNamespace(cases={}), meshes={})
+    project = project.with_builds({**PROJECT.builds, **{engine: build_of(engine) for engine in project.engines}})
+    plan = make_plan(project)
+    costs = plan_costs(plan)
+    priorities = ranks(costs, set())
+    mesh_priorities = {plan.cases[name].mesh_id: len(costs) + rank for name, rank in priorities.items()}
+    meshes = {case.mesh_id: case for case in plan.cases.values()}
+    return SimpleNamespace(
+        project=project, plan=plan, costs=costs, priorities=priorities, mesh_priorities=mesh_priorities, meshes=meshes
+    )
+
+
+def exploration_content(wildcards):
+    """What the designs of an exploration depend on besides results."""
+    return digest(exploration(wildcards.exploration).model_dump(mode="json"))
+
+
+def sources_of_designs(wildcards):
+    """Ids of the cases that serve each design of a round; none as long as nobody knows the designs."""
+    from limo.explore.rounds import round_designs
+
+    try:
+        names = round_designs(RESULTS, wildcards.exploration, int(wildcards.round))
+    except LimoError:
+        return {}
+    return {name: designs_on_disk().plan.sources(name) for name in names}
+
+
+def results_of_designs(wildcards):
+    """Results of the cases of a round, once its designs are known."""
+    checkpoints.propose_designs.get(exploration=wildcards.exploration, round=wildcards.round)
+    cases = [RESULTS.case(case_id) for ids in sources_of_designs(wildcards).values() for case_id in ids]
+    return [file for case in cases for file in (case.status, case.volumes, case.measures)]
+
+
+def told_of_exploration(wildcards):
+    """What came of all rounds of an exploration, the last one included."""
+    rounds = len(exploration(wildcards.exploration).rounds)
+    return [RESULTS.exploration(wildcards.exploration).told(k) for k in range(rounds + 1)]
 
 
 def case_of(wildcards):
@@ -57,7 +131,7 @@ def fit_of_case(wildcards):
 def attempt_seconds(case_id):
     """How long an attempt at a case may take: the limit of the stress test holds for what no study asks for."""
     test, limit = PROJECT.config.stress_test, PROJECT.config.solver.time_limit
-    if test and test.time_limit and case_id not in PLAN.cases:
+    if test and test.time_limit and case_id not in PLAN.cases and case_id not in designs_on_disk().plan.cases:
         limit = test.time_limit
     return round(60 * limit)
 
@@ -155,7 +229,7 @@ def targets_of(names, wildcards=None):
 
 def fatigue_of(wildcards):
     """The strain-life curve where it is asked for; elsewhere only what tells seams from the rest."""
-    asked = "fatigue" in PLAN.wanted[wildcards.case].pressures
+    asked = "fatigue" in wanted_of(wildcards).pressures
     return PROJECT.config.fatigue.model_dump(mode="json", include=None if asked else {"seam_distance"})
 
 

@@ -16,7 +16,7 @@ rule measure_case:
         mem_mb=memory_of("measure_case"),
         runtime=minutes_of("measure_case"),
     params:
-        wanted=lambda wildcards: PLAN.wanted[wildcards.case].to_dict(),
+        wanted=lambda wildcards: wanted_of(wildcards).to_dict(),
         fatigue=fatigue_of,
         code=code_digest("measure_case"),
     message:
@@ -41,7 +41,7 @@ rule write_fields:
         mem_mb=memory_of("write_fields"),
         runtime=minutes_of("write_fields"),
     params:
-        wanted=lambda wildcards: PLAN.wanted[wildcards.case].to_dict(),
+        wanted=lambda wildcards: wanted_of(wildcards).to_dict(),
         fatigue=fatigue_of,
         code=code_digest("write_fields"),
     message:

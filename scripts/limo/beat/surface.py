@@ -36,7 +36,8 @@ FEWEST_PRESSURES = 4
 class Surface:
     """``volumes`` (2, 2, m, n) in ml: sheets, V_v and V_a, over ``ventricular`` (m,) and ``actuation`` (n,) in kPa.
 
-    ``known``: the potentials of both sheets where they have been fitted before; that takes seconds.
+    ``known``: the potentials of both sheets where they have been fitted before; that takes seconds. ``lacking``: the same of the
+    surfaces that lack one inner P_v each, in the order of these.
     """
 
     device: str
@@ -44,6 +45,7 @@ class Surface:
     actuation: np.ndarray
     volumes: np.ndarray
     known: tuple[Potential, Potential] | None = None
+    lacking: tuple[tuple[Potential, Potential], ...] | None = None
 
     @cached_property
     def places(self) -> tuple[np.ndarray, np.ndarray]:
@@ -88,9 +90,10 @@ class Surface:
         return np.array([low, high])
 
     def without(self, k: int) -> Surface:
-        """The same without the ``k``-th P_v, its potentials not yet fitted."""
+        """The same without the ``k``-th P_v, an inner one."""
         keep = np.arange(len(self.ventricular)) != k
-        return Surface(self.device, self.ventricular[keep], self.actuation, self.volumes[:, :, keep])
+        known = None if self.lacking is None else self.lacking[k - 1]
+        return Surface(self.device, self.ventricular[keep], self.actuation, self.volumes[:, :, keep], known)
 
     def left_out(self) -> dict[str, np.ndarray]:
         """What leaving each inner P_v out changes there: root mean square over P_a in ml, (m - 2,), by volume and sheet.
@@ -128,8 +131,11 @@ def surfaces_of(dataset: xr.Dataset) -> dict[int, Surface]:
     return {int(n): surface_of(dataset, int(n)) for n in dataset.n_pouches.values}
 
 
-def write_surfaces(surfaces: Mapping[int, Surface], file: Path, *, slopes: bool = True) -> None:
-    """Keep the surfaces of one study with their potentials; with ``slopes`` their tables, too, which take some MB."""
+def write_surfaces(surfaces: Mapping[int, Surface], file: Path, *, kept: bool = False) -> None:
+    """Write the surfaces of one study with their potentials and their tables, which take some MB.
+
+    ``kept``: without tables, but with the potentials of surfaces that lack one P_v each, for bands.
+    """
     one = next(iter(surfaces.values()))
     dims = ("n_pouches", "sheet")
     potentials = [surface.potentials for surface in surfaces.values()]
@@ -150,7 +156,13 @@ def write_surfaces(surfaces: Mapping[int, Surface], file: Path, *, slopes: bool 
     dataset.coefficient.attrs |= {"units": "mJ", "long_name": "of the potential, on cubic splines over P_v and the knots"}
     dataset.knot.attrs |= {"units": "kPa", "long_name": "knots over P_a"}
     packed = ["volume"]
-    if slopes:
+    if kept:
+        inner = range(1, len(one.ventricular) - 1)
+        lacking = [[s.without(k).potentials for k in inner] for s in surfaces.values()]
+        values = [[[p.coefficients for p in pair] for pair in each] for each in lacking]
+        dataset["lacking_coefficient"] = ("n_pouches", "lacking", "sheet", "a_lacking", "b"), values
+        dataset.lacking_coefficient.attrs |= {"units": "mJ", "long_name": "coefficients without one inner P_v"}
+    else:
         tables = xr.concat([surface.slopes() for surface in surfaces.values()], "n_pouches")
         renamed = {"ventricular_pressure": "place_ventricular", "actuation_pressure": "place_actuation"}
         dataset = dataset.merge(tables.rename(renamed), combine_attrs="drop")
@@ -165,18 +177,26 @@ def read_surfaces(file: Path) -> dict[int, Surface]:
         with xr.open_dataset(file) as opened:
             dataset = opened.load()
         p_v, p_a = (dataset[f"{name}_pressure"].values for name in ("ventricular", "actuation"))
+        knots = dataset.knot.values
         return {
             int(n): Surface(
                 f"N_p = {int(n)}",
                 p_v,
                 p_a,
                 dataset.volume.values[k].astype(float),
-                tuple(Potential(p_v, dataset.knot.values, c) for c in dataset.coefficient.values[k]),
+                tuple(Potential(p_v, knots, c) for c in dataset.coefficient.values[k]),
+                _lacking(dataset.lacking_coefficient.values[k], p_v, knots) if "lacking_coefficient" in dataset else None,
             )
             for k, n in enumerate(dataset.n_pouches.values)
         }
     except (*UNREADABLE, AttributeError) as error:
         raise ResultError(f"{file}: no surfaces of a study ({error})") from None
+
+
+def _lacking(coefficients: np.ndarray, p_v: np.ndarray, knots: np.ndarray) -> tuple[tuple[Potential, Potential], ...]:
+    """The potentials that lack one inner P_v each, from coefficients (m - 2, 2, a, b)."""
+    places = [np.delete(p_v, k) for k in range(1, len(p_v) - 1)]
+    return tuple(tuple(Potential(p, knots, c) for c in pair) for p, pair in zip(places, coefficients, strict=True))
 
 
 def surfaces_beside(file: Path) -> dict[int, Surface]:

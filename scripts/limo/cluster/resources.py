@@ -31,6 +31,9 @@ SCRIPTS: dict[str, tuple[int, int]] = {
     "draw_figure": (1500, 30),
     "fit_material": (500, 5),
     "check_paper": (1000, 10),
+    "propose_designs": (2000, 10),
+    "tell_designs": (1000, 20),
+    "report_exploration": (2000, 20),
     "page": (2000, 30),
     "stress_test": (2000, 60),
     # as long and as large as the largest that there is

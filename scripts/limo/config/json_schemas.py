@@ -11,13 +11,15 @@ from limo.schema.accuracy import Airbag
 from limo.schema.beat import Beat
 from limo.schema.config import Config
 from limo.schema.device import Device
+from limo.schema.exploration import Exploration
 from limo.schema.inference import Inference
 from limo.schema.study import Study
 
 
 def json_schemas() -> dict[str, dict[str, Any]]:
-    """The JSON schemas of the six kinds of configuration file, by file name."""
+    """The JSON schemas of all kinds of configuration file, by file name."""
     models = {"config": Config, "study": Study, "device": Device, "airbag": Airbag, "inference": Inference, "beat": Beat}
+    models |= {"exploration": Exploration}
     return {f"{name}.schema.json": model.model_json_schema() for name, model in models.items()}
 
 

@@ -30,7 +30,7 @@ RULES = (
     *(ALL, "mesh_device", "solve_case", "measure_case", "write_fields", "gather_study", "gather_shapes", "draw_figure"),
     *("fit_material", "material", "check_paper", "paper", "stress_test", "export_study", "page"),
     *("accuracy", "solve_airbag", "gather_airbag", "draw_airbag", "keep_airbags", "gather_accuracy", "draw_accuracy"),
-    *("keep_runs", "time_case", "measure_scaling"),
+    *("keep_runs", "time_case", "measure_scaling", "propose_designs", "tell_designs", "report_exploration"),
 )
 _KINDS: dict[str, type[Section]] = {"devices": Device, "studies": Study, "airbags": Airbag}
 
@@ -65,6 +65,12 @@ def load_config(path: str | Path = "config/config.yaml", studies: Iterable[str] 
         for name in config.studies if asked == ALL else [asked]:
             project.require_sound(f"studies/{name}")
     return project
+
+
+def read_section(model: type[Section], path: Path) -> Any:
+    """A file that is one section, such as an exploration. Raises ``ConfigError`` for a mistake in it or in its name."""
+    _check_file_name(path, model, [path])
+    return parse(model, read_yaml(path), path)
 
 
 def _read_config(path: Path) -> Config:

@@ -17,6 +17,7 @@ def asked_studies(
     A study is named by itself, by a file in its folder of results, or by a rule of ``groups``. Where no word is a target these
     are the studies that the configuration runs; where all targets are something else there are none.
     """
+    explorations = {path.stem for path in Path(config_file).parent.glob("explorations/*.yaml")}
     known = {path.stem for path in Path(config_file).parent.glob("studies/*.y*ml")} | {ALL}
     names: list[str] = []
     others = False
@@ -27,5 +28,5 @@ def asked_studies(
         elif results.studies in parents:
             names.append(Path(word).relative_to(results.studies).parts[0])
         else:
-            others = others or word in RULES or results.root in parents
+            others = others or word in RULES or word in explorations or results.root in parents
     return names or ([] if others else [ALL])

@@ -15,6 +15,7 @@ from limo.schema.accuracy import Airbag
 from limo.schema.beat import Beat
 from limo.schema.config import Config
 from limo.schema.device import Device
+from limo.schema.exploration import Exploration
 from limo.schema.inference import Inference
 from limo.schema.section import FILE, NAME, Section
 from limo.schema.study import Study
@@ -27,6 +28,7 @@ KINDS: dict[str, type[Section]] = {
     "airbag": Airbag,
     "inference": Inference,
     "beat": Beat,
+    "exploration": Exploration,
 }
 #: what texts of a pattern are called
 PATTERNS = {NAME: "name", FILE: "name of a file"}

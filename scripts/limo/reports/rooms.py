@@ -31,6 +31,7 @@ ORDER = (
         "accuracy",
         "reliability",
         "beat",
+        "explore",
         "figures",
         "drawings",
         "page",

@@ -144,6 +144,35 @@ class AirbagFiles:
 
 
 @dataclass(frozen=True)
+class ExplorationFiles:
+    """The files of one exploration, in its folder."""
+
+    folder: Path
+
+    def round(self, number: int | str) -> Path:
+        """The designs of a round."""
+        return self.folder / f"round_{number}.json"
+
+    def told(self, number: int | str) -> Path:
+        """What came of the designs of a round."""
+        return self.folder / f"told_{number}.json"
+
+    @property
+    def dataset(self) -> Path:
+        """All designs, surrogates and indices."""
+        return self.folder / "exploration.nc"
+
+    @property
+    def page(self) -> Path:
+        """What is recommended, and why."""
+        return self.folder / "README.md"
+
+    def figure(self, name: str) -> Path:
+        """A figure as ``png``."""
+        return self.folder / f"{name}.png"
+
+
+@dataclass(frozen=True)
 class Results:
     """A folder of results, ``root``."""
 
@@ -183,6 +212,15 @@ class Results:
     def airbag(self, name: str) -> AirbagFiles:
         """The files of an airbag."""
         return AirbagFiles(self.root / "airbags" / name)
+
+    @property
+    def explorations(self) -> Path:
+        """The folder of all explorations."""
+        return self.root / "explorations"
+
+    def exploration(self, name: str) -> ExplorationFiles:
+        """The files of an exploration."""
+        return ExplorationFiles(self.explorations / name)
 
     def times(self, case_id: str) -> Path:
         """CPU times of further solves of a case."""

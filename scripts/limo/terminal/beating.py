@@ -43,7 +43,7 @@ def read_surface(study: str, results: Path, n_pouches: int | None, kept: Path | 
     file = Path(study) if study.endswith(".nc") else Results(results).study(study).dataset
     surfaces = surfaces_beside(file)
     if kept is not None:
-        write_surfaces(surfaces, kept, slopes=False)
+        write_surfaces(surfaces, kept, kept=True)
     if n_pouches is None and len(surfaces) == 1:
         n_pouches = next(iter(surfaces))
     if n_pouches not in surfaces:

@@ -94,6 +94,11 @@ def test_full_pouches_are_not_filled_further(smooth):
 def test_kept_surfaces_are_the_same(smooth, tmp_path):
     write_surfaces({8: smooth}, tmp_path / "surfaces.nc")
     again = read_surfaces(tmp_path / "surfaces.nc")[8]
+    write_surfaces({8: smooth}, tmp_path / "kept.nc", kept=True)
+    kept = read_surfaces(tmp_path / "kept.nc")[8]
+    for k in range(1, len(P_V) - 1):
+        np.testing.assert_allclose(kept.without(k).table, smooth.without(k).table, atol=1e-9)
+        assert kept.without(k).known is not None
     np.testing.assert_allclose(again.table, smooth.table, atol=1e-9)
     np.testing.assert_allclose(again.volumes, smooth.volumes, rtol=1e-6)
     with pytest.raises(ResultError, match="no surfaces"):

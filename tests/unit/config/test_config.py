@@ -133,7 +133,7 @@ MISTAKES = [
     (STUDY, ("numerics", "newton", "fit_via"), [1, 1], "each once"),
     (STUDY, ("numerics", "newton", "fit_via"), [], "at least 1 item"),
     (CONFIG, (*FAST, "newton", "factor_precision"), 32, "'single' or 'double'"),
-    (STUDY, ("preset",), "exact", "preview, reference, standard"),
+    (STUDY, ("preset",), "exact", "preview, reference, shells, standard"),
     (STUDY, ("mesh", "level"), "huge", "preview"),
     (STUDY, ("mesh", "symmetry"), "half", "quarter"),
     (STUDY, ("mesh",), {"level": "preview", "element": "S8", "symmetry": "quarter"}, "full"),
@@ -578,7 +578,7 @@ def test_a_preset_of_the_configuration_is_that_of_studies_that_name_none(folder)
     setting = loaded.settings("pressure_volume")[""]
     assert (setting.mesh.level, setting.preset, setting.engine) == ("fine", "fast", "newton")
     edit(folder / CONFIG, ("preset",), "exact")
-    assert "preview, reference, standard" in str(error_of(folder))
+    assert "preview, reference, shells, standard" in str(error_of(folder))
     edit(folder / CONFIG, ("presets",), {})
     assert "no presets" in str(error_of(folder))
 
@@ -722,7 +722,8 @@ def test_strictness_tells_of_every_mistake_at_once(folder):
 
 def test_no_study_can_have_the_name_of_a_rule(root):
     files = [root / "Snakefile", *(root / "workflow/rules").glob("*.smk")]
-    assert {rule for file in files for rule in re.findall(r"^rule (\w+):", file.read_text(), re.MULTILINE)} == set(RULES)
+    rule = re.compile(r"^(?:rule|checkpoint) (\w+):", re.MULTILINE)
+    assert {name for file in files for name in rule.findall(file.read_text())} == set(RULES)
 
 
 @pytest.mark.parametrize(

@@ -22,7 +22,8 @@ OF_FRAMES = {"measure_case", "gather_shapes", "write_fields", "write_page"}
 ERRORS = {"gather_accuracy", "keep_runs"}
 #: a definition -> the rules and figures whose results it decides
 DECIDES = {
-    "geometry.pattern:flat_pattern": {"mesh_device", *SOLVE, *SCALING},  # solve: its ladder may mesh anew
+    # solve: its ladder may mesh anew; explorations: which layouts can be cut
+    "geometry.pattern:flat_pattern": {"mesh_device", *SOLVE, *SCALING, "propose_designs", "report_exploration"},
     "mesh.flat:mesh_pattern": {"mesh_device", *SOLVE, *SCALING},
     "mechanics.volumes:volumes": SOLVE,
     "mechanics.energy:ramp_balance": SOLVE,
@@ -30,7 +31,7 @@ DECIDES = {
     "mechanics.kinematics:green_lagrange": {*SOLVE, *AIRBAG, *OF_FRAMES, "measure_scaling newton"},
     "mechanics.constitutive:von_mises": {*SOLVE, *OF_FRAMES},
     "bench.tensile:fit_tensile": {"fit_material"},
-    "bench.compare:relative_l2": {"gather_study", *ERRORS},
+    "bench.compare:relative_l2": {"gather_study", "tell_designs", *ERRORS},
     "engines.calculix.deck:write_deck": {"solve_case calculix", "measure_scaling calculix"},
     "engines.calculix.frd:FrdFile": {"solve_case calculix", "solve_airbag calculix"},
     "engines.newton.assembly:Assembly": {"solve_case newton", "solve_airbag newton", "measure_scaling newton", "stress_test"},
@@ -39,8 +40,8 @@ DECIDES = {
     "measure.fatigue:cycles_to_failure": {"measure_case", "write_fields", "write_page", "figure cycles", "figure strain_life"},
     "measure.strain:streamlines": {"gather_shapes", "write_fields"},
     "measure.contact:crossings": {"measure_case", "gather_shapes"},
-    "measure.efficiency:works": {"gather_study", *ERRORS},
-    "datasets.curves:curves": {"gather_study", *ERRORS},
+    "measure.efficiency:works": {"gather_study", "tell_designs", *ERRORS},
+    "datasets.curves:curves": {"gather_study", "tell_designs", *ERRORS},
     "datasets.export:tidy": {"export_study"},
     "datasets.shapes:gather_shapes": {"gather_shapes"},
     "accuracy.surfaces:sampled": ERRORS,
@@ -53,7 +54,13 @@ DECIDES = {
     "reports.accuracy_airbag:keep_airbags": {"keep_airbags"},
     "reports.paper_check:check": {"check_paper"},
     "page.packing:pack": {"write_page"},
-    "figures.style:curve": {f"figure {name}" for name in ("afterload", "buckling", "design", "pressure_volume")},
+    "explore.search:improvement": {"propose_designs"},
+    "explore.telling:violation": {"propose_designs", "report_exploration"},
+    "explore.sensitivity:indices": {"report_exploration"},
+    "figures.style:curve": {
+        *(f"figure {name}" for name in ("afterload", "buckling", "design", "pressure_volume")),
+        "report_exploration",
+    },
     **{f"figures.{name}:draw": {f"figure {name}"} for name in (*FIGURES, *AIRBAG_FIGURES, *DEVICE_FIGURES)},
     # decide where and how, not what
     "store.files:write_whole": set(),

@@ -1,0 +1,142 @@
+"""What the results of an exploration teach: surrogates of its quantities, where designs are feasible, and the next ones."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from scipy.stats import norm
+from sklearn.exceptions import ConvergenceWarning
+from sklearn.gaussian_process import GaussianProcessClassifier
+from sklearn.gaussian_process.kernels import ConstantKernel, Matern
+
+from limo.explore.front import on_front
+from limo.explore.search import Knowledge
+from limo.explore.space import Space
+from limo.explore.surrogate import FEWEST, Process
+from limo.explore.telling import Told, violation
+from limo.schema.exploration import NEVER, Exploration
+
+#: share of the range of a goal that the reference lies beyond the worst design that is feasible
+BEYOND = 0.05
+
+
+@dataclass(frozen=True)
+class Learned:
+    """Surrogates of what was told of designs at places (n, d) of a space.
+
+    ``told`` and ``designs`` in the order of ``places``. Goals are turned so that less is better.
+    """
+
+    exploration: Exploration
+    space: Space
+    places: np.ndarray
+    told: Sequence[Told]
+    designs: Sequence[Mapping[str, float]]
+    seed: int = 0
+    _cache: dict = field(default_factory=dict, repr=False)
+
+    @cached_property
+    def solved(self) -> np.ndarray:
+        """Which designs (n,) were solved."""
+        return np.array([each.is_solved for each in self.told], bool)
+
+    def design(self, number: int) -> dict[str, float]:
+        """A design as it was written."""
+        return dict(self.designs[number])
+
+    def values(self, quantity: str) -> np.ndarray:
+        """A quantity (n,) of all designs, NaN where it is not known."""
+        return np.array([each.values[quantity] for each in self.told], float)
+
+    @cached_property
+    def goals(self) -> np.ndarray:
+        """Goals (n, g) of which less is better."""
+        signs = [-1.0 if way == "maximise" else 1.0 for way in self.exploration.goals.values()]
+        return np.stack([sign * self.values(name) for sign, name in zip(signs, self.exploration.goals, strict=True)], axis=1)
+
+    @cached_property
+    def feasible(self) -> np.ndarray:
+        """Which designs (n,) were solved, have their goals and meet all constraints."""
+        met = self.solved & np.isfinite(self.goals).all(axis=1)
+        for name in self.exploration.constraints:
+            beyond = np.array([violation(self.exploration, name, value) for value in self.values(name)])
+            met &= np.where(np.isfinite(beyond), beyond, np.inf) <= 0
+        return met
+
+    def process(self, quantity: str, sign: float = 1.0) -> Process | None:
+        """The surrogate of a quantity times a sign; None of too few values."""
+        if (quantity, sign) not in self._cache:
+            values = sign * self.values(quantity)
+            known = self.solved & np.isfinite(values)
+            scatter = np.array([each.scatter[quantity] for each in self.told], float)
+            enough = known.sum() >= max(FEWEST, len(self.space.inputs) + 1)
+            made = Process(self.places[known], values[known], scatter[known], self.seed) if enough else None
+            self._cache[quantity, sign] = made
+        return self._cache[quantity, sign]
+
+    @cached_property
+    def chance(self) -> Callable[[np.ndarray], np.ndarray]:
+        """The probability (m,) that a design at places (m, d) can be solved, has its goals and meets its constraints.
+
+        Bounds by the surrogates of their quantities; all else, which has no number, by a Gaussian process of classes.
+        """
+        bounds = {name: text for name, text in self.exploration.constraints.items() if text != NEVER}
+        lacking = ~(self.solved & np.isfinite(self.goals).all(axis=1))
+        for name in self.exploration.constraints.keys() - bounds.keys():
+            lacking |= np.isfinite(self.values(name))
+        classes = None
+        if lacking.any() and not lacking.all():
+            kernel = ConstantKernel(1.0) * Matern(np.full(len(self.space.inputs), 0.5), nu=2.5)
+            with warnings.catch_warnings():  # an input without an effect has the longest length there is
+                warnings.simplefilter("ignore", ConvergenceWarning)
+                classes = GaussianProcessClassifier(kernel, random_state=self.seed).fit(self.places, ~lacking)
+
+        def chance(places: np.ndarray) -> np.ndarray:
+            result = np.ones(len(places))
+            if classes is not None:
+                result = classes.predict_proba(places)[:, list(classes.classes_).index(True)]
+            for name in bounds:
+                process = self.process(name)
+                if process is None:
+                    continue
+                mean, deviation = process.predict(places)
+                at_mean = np.array([violation(self.exploration, name, float(value)) for value in mean])
+                result = result * norm.cdf(-at_mean / np.maximum(deviation, 1e-12))
+            return result
+
+        return chance
+
+    @cached_property
+    def reference(self) -> np.ndarray:
+        """Goals (g,) that are a little worse than those of the worst feasible design; of all designs where none is feasible."""
+        known = self.goals[self.feasible] if self.feasible.any() else self.goals[np.isfinite(self.goals).all(axis=1)]
+        return known.max(axis=0) + BEYOND * np.maximum(np.ptp(known, axis=0), 1e-12)
+
+    @cached_property
+    def front(self) -> np.ndarray:
+        """Numbers of the designs on the front."""
+        numbers = np.flatnonzero(self.feasible)
+        return numbers[on_front(self.goals[numbers])] if len(numbers) else numbers
+
+    def knowledge(self) -> Knowledge | None:
+        """What a search needs; None where the goals have no surrogates yet."""
+        signs = [-1.0 if way == "maximise" else 1.0 for way in self.exploration.goals.values()]
+        processes = [self.process(name, sign) for name, sign in zip(self.exploration.goals, signs, strict=True)]
+        if any(process is None for process in processes):
+            return None
+        return Knowledge(processes, self.chance, self.goals[self.front], self.reference, self.places)
+
+
+def quality_of(learned: Learned) -> Mapping[str, tuple[float, float, int, bool]]:
+    """Of each quantity with a surrogate: error over the range, coverage, designs, and whether it is to be used."""
+    found = {}
+    for name in (*learned.exploration.goals, *learned.exploration.constraints):
+        if learned.exploration.constraints.get(name) == NEVER or (process := learned.process(name)) is None:
+            continue
+        quality = process.quality()
+        found[name] = quality.error, quality.coverage, quality.designs, quality.error <= learned.exploration.trusted_below
+    return found

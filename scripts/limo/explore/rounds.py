@@ -1,0 +1,83 @@
+"""An exploration goes in rounds: designs are proposed, solved as cases, and told; the next round learns from all before.
+
+The first round samples the space, the next ones search it, and the last one solves what is recommended by the finer preset. A
+round is a file of designs, and one of what came of them. Nothing else is known, so a sweep that ends is carried on where it was.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from limo.config.load import read_section
+from limo.config.project import Project
+from limo.errors import ConfigError, ResultError
+from limo.explore.designs import check_designs, project_of
+from limo.schema.exploration import Exploration
+from limo.store.files import read_json, write_json
+from limo.store.results import Results
+
+#: below the folder of the configuration
+FOLDER = "explorations"
+
+
+def read_exploration(project: Project, config_file: Path, name: str) -> Exploration:
+    """An exploration beside a configuration. Raises ``ConfigError`` for a mistake in it."""
+    file = config_file.parent / FOLDER / f"{name}.yaml"
+    if f"studies/{name}" in project.files:
+        raise ConfigError(file, "(file name)", name, "a name that no study has", "best_heart.yaml")
+    exploration = read_section(Exploration, file)
+    check_designs(project, exploration, file)
+    return exploration
+
+
+def is_last(exploration: Exploration, number: int) -> bool:
+    """Whether a round is that of recommended designs."""
+    return number == len(exploration.rounds)
+
+
+def preset_of(exploration: Exploration, number: int) -> str:
+    """The preset by which a round is solved."""
+    return exploration.fine if is_last(exploration, number) else exploration.cheap
+
+
+def round_designs(results: Results, name: str, number: int) -> dict[str, dict[str, float]]:
+    """The designs of a round by their names. Raises ``ResultError``."""
+    return read_json(results.exploration(name).round(number))["designs"]
+
+
+def rounds_on_disk(results: Results, name: str, exploration: Exploration) -> list[int]:
+    """The rounds whose designs are there, of this exploration as it is written now."""
+    found = []
+    for number in range(len(exploration.rounds) + 1):
+        try:
+            kept = read_json(results.exploration(name).round(number))
+        except ResultError:
+            break
+        if kept.get("exploration") != exploration.model_dump(mode="json"):
+            break
+        found.append(number)
+    return found
+
+
+def explored(project: Project, explorations: Mapping[str, Exploration], results: Results) -> Project:
+    """The project with all designs that are proposed so far as its studies."""
+    studies: dict[str, Any] = {}
+    for name, exploration in explorations.items():
+        for number in rounds_on_disk(results, name, exploration):
+            designs = round_designs(results, name, number)
+            studies |= project_of(project, exploration, designs, preset_of(exploration, number)).studies
+    return project_of_studies(project, studies)
+
+
+def project_of_studies(project: Project, studies: Mapping[str, Any]) -> Project:
+    """The project with other studies."""
+    return replace(project, studies=dict(studies), broken={}, checked=None)
+
+
+def write_round(file: Path, content: dict[str, Any]) -> None:
+    """Write a round, or what came of it."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    write_json(file, content)

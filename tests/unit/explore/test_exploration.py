@@ -1,0 +1,299 @@
+"""What an exploration may say, designs as studies, and rounds that learn from what came of those before."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+import xarray as xr
+import yaml
+
+from limo.cases.grid import study_cases
+from limo.config.load import load_config
+from limo.config.yaml_file import parse
+from limo.errors import ConfigError, LimoError
+from limo.explore.designs import can_be_made, check_designs, own_design, project_of, space_of, study_of, written
+from limo.explore.learn import quality_of
+from limo.explore.recommend import recommended, robust
+from limo.explore.rounds import explored, preset_of, read_exploration, rounds_on_disk, write_round
+from limo.explore.sampling import sample
+from limo.explore.steps import learned_of, propose_round
+from limo.explore.telling import Told, tell, violation
+from limo.figures import exploration as figures
+from limo.figures import style
+from limo.reports.exploration import compared, dataset_of, page
+from limo.schema.exploration import Exploration
+from limo.store.results import Results
+
+from .stand_in import goals
+
+CONTENT = {
+    "space": {
+        "n_pouches": [4, 6, 8, 10],
+        "aspect_ratio": [1, 3],
+        "stiffness_ratio": [0.5, 1.5],
+        "thickness": [0.12, 0.3],
+        "seam_shift": [-0.15, 0.15],
+    },
+    "at": {"ventricular_pressure": [13.8], "actuation_pressure_max": 100},
+    "goals": {"efficiency_90ml": "maximise", "von_mises_peak": "minimise"},
+    "constraints": {"stroke_volume": ">= 90", "contact_front_back": "none"},
+    "budget": {"shells": 48, "standard": 5},
+    "baseline": 8,
+    "tolerance": {"thickness": 0.01},
+}
+
+
+def exploration(**changes) -> Exploration:
+    return Exploration.model_validate(CONTENT | changes)
+
+
+@pytest.fixture(scope="module")
+def project(root):
+    return load_config(root / "config/config.yaml")
+
+
+# --- what it may say ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"space": {"n_pouches": [8]}}, "at least 2"),
+        ({"space": {"n_pouches": 8}}, "one range at least"),
+        ({"space": {"n_pouches": [4, 8], "thickness": [0.3, 0.12]}}, "a lower and a higher end"),
+        ({"space": {"n_pouches": [4, 8], "thickness": []}}, "at least 2"),
+        ({"space": {"n_pouches": [4, 8], "aspect_ratio": [0.5, 3]}}, "greater than or equal to 1"),
+        ({"space": {"n_pouches": [4, 4]}}, "none twice"),
+        ({"goals": {}}, "at least 1"),
+        ({"goals": {"efficiency_90ml": "more"}}, "'maximise' or 'minimise'"),
+        ({"constraints": {"stroke_volume": "90"}}, "a bound such as '>= 90'"),
+        ({"budget": {"shells": 120}}, "at least 2"),
+        ({"budget": {"shells": 10, "standard": 5}}, "more than 10 designs for 5 inputs"),
+        ({"budget": {"shells": 48, "standard": 48}}, "many designs by one preset"),
+        ({"first": 48}, "first below the budget"),
+        ({"baseline": 12}, "baseline as one of"),
+    ],
+    ids=lambda x: str(x)[:40],
+)
+def test_what_cannot_be_is_one_message(tmp_path, changes, words):
+    with pytest.raises(ConfigError) as error:
+        parse(Exploration, CONTENT | changes, tmp_path / "best.yaml")
+    assert words in str(error.value)
+    assert "best.yaml" in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("changes", "key"),
+    [
+        ({"goals": {"beauty": "maximise"}}, "goals.beauty"),
+        ({"constraints": {"beauty": "none"}}, "constraints.beauty"),
+        ({"budget": {"shells": 48, "exact": 5}}, "preset"),
+        ({"device": "heart"}, "device"),
+        ({"at": {"ventricular_pressure": [13.8], "actuation_pressure_max": 10}}, "actuation_pressure_max"),
+    ],
+    ids=lambda x: str(x)[:40],
+)
+def test_what_the_project_does_not_have_is_refused_before_anything_is_solved(project, tmp_path, changes, key):
+    with pytest.raises(ConfigError) as error:
+        check_designs(project, exploration(**changes), tmp_path / "best.yaml")
+    assert error.value.key == key
+    assert error.value.example
+
+
+def test_explorations_of_the_project_are_sound_and_none_has_the_name_of_a_study(project, root, tmp_path):
+    names = [file.stem for file in (root / "config/explorations").glob("*.yaml")]
+    found = {name: read_exploration(project, root / "config/config.yaml", name) for name in names}
+    assert "best_heart" in found
+    assert sum(found["best_heart"].rounds) == found["best_heart"].searched
+    (tmp_path / "explorations").mkdir()
+    (tmp_path / "explorations/afterload.yaml").write_text(yaml.safe_dump(CONTENT))
+    with pytest.raises(ConfigError, match="no study has"):
+        read_exploration(project, tmp_path / "config.yaml", "afterload")
+
+
+def test_the_preset_of_more_designs_is_the_cheap_one_in_any_order():
+    for budget in ({"shells": 48, "standard": 5}, {"standard": 5, "shells": 48}):
+        assert (exploration(budget=budget).cheap, exploration(budget=budget).fine) == ("shells", "standard")
+
+
+# --- designs --------------------------------------------------------------------------------------------------------------
+
+
+def test_a_design_is_a_study_with_its_numbers(project):
+    one = exploration()
+    design = written(one, {"n_pouches": 8.0, "aspect_ratio": 1.5, "stiffness_ratio": 0.8, "thickness": 0.25, "seam_shift": 0.1})
+    made = project_of(project, one, {"d": design}, "shells")
+    (case,) = study_cases(made, "d").values()
+    assert (case.n_pouches, case.aspect_ratio, case.stiffness_ratio, case.ventricular_pressure) == (8, 1.5, 0.8, 13.8)
+    assert case.device.material.thickness == 0.25
+    assert case.device.material.areal_density == pytest.approx(170 * 0.25 / 0.19, abs=1e-6), "of the same fibre and coating"
+    assert case.device.pattern.seams.fractions[8] == [0.0, 1.1]
+    study = made.studies["d"]
+    assert {"stress", "contact", "volumes"} == set(study.outputs)
+    own = own_design(one, project.devices["limo"])
+    (as_it_is,) = list(study_cases(project_of(project, one, {"d": own}, "shells"), "d").values())
+    assert as_it_is.device == project.devices["limo"]
+
+
+def test_layouts_that_cannot_be_cut_are_no_designs(project):
+    """Seams of ten pouches that leave the array are found before anything is meshed."""
+    wide = exploration(space={"n_pouches": [4, 10], "seam_shift": [-0.5, 1.0]}, baseline=None, tolerance={})
+    allowed = can_be_made(project, wide)
+    assert allowed({"n_pouches": 10.0, "seam_shift": 0.0})
+    assert not allowed({"n_pouches": 10.0, "seam_shift": 0.9})
+    designs = space_of(wide).from_unit(sample(space_of(wide), 16, 1, allowed))
+    assert all(allowed(design) for design in designs)
+    none = exploration(space={"n_pouches": [10, 12], "seam_shift": [0.9, 1.0]}, baseline=None, tolerance={})
+    with pytest.raises(LimoError, match="widen the space"):
+        sample(space_of(none), 8, 1, can_be_made(project, none))
+
+
+def test_a_failed_design_is_told_and_has_no_numbers(project, tmp_path):
+    one = exploration()
+    made = project_of(project, one, {"d": own_design(one, project.devices["limo"])}, "shells")
+    (case,) = study_cases(made, "d").values()
+    told = tell(made, one, "d", tmp_path, [case.case_id])
+    assert (told.status, told.is_solved) == ("missing", False)
+    assert np.isnan(list(told.values.values())).all()
+
+
+def test_violations_of_bounds_and_of_never():
+    one = exploration(constraints={"stroke_volume": ">= 90", "von_mises_max": "<= 40", "contact_front_back": "none"})
+    assert violation(one, "stroke_volume", 80) == 10
+    assert violation(one, "von_mises_max", 30) == -10
+    assert violation(one, "contact_front_back", float("nan")) < 0 < violation(one, "contact_front_back", 55.0)
+
+
+# --- learning from a closed form in the place of a device -----------------------------------------------------------------
+
+
+def told_of(design: dict) -> Told:
+    """Goals of the stand-in; more than 9 pouches and thick fabric touch, and a little seam shift costs stroke."""
+    one = exploration()
+    place = space_of(one).to_unit([{**design, "n_pouches": float(design["n_pouches"])}])
+    first, second = goals(place)[0]
+    touches = 40.0 if design["n_pouches"] == 10 and design["thickness"] > 0.25 else float("nan")
+    values = {"efficiency_90ml": -first, "von_mises_peak": second, "stroke_volume": 100 + 100 * design["seam_shift"]}
+    values["contact_front_back"] = touches
+    if design["thickness"] < 0.13:
+        return Told("diverged", "no equilibrium", dict.fromkeys(values, float("nan")), dict.fromkeys(values, float("nan")))
+    return Told("converged", "", values, dict.fromkeys(values, 0.0))
+
+
+@pytest.fixture(scope="module")
+def searched(project, tmp_path_factory):
+    """A whole search of the stand-in: its files, as the rules write them."""
+    results, one = Results(tmp_path_factory.mktemp("explored")), exploration()
+    files = results.exploration("best")
+    for number in range(len(one.rounds) + 1):
+        proposed = propose_round(project, "best", one, number, results)
+        write_round(files.round(number), proposed)
+        told = {}
+        for name, design in proposed["designs"].items():
+            each = told_of(design)
+            plain = [{n: None if np.isnan(v) else v for n, v in values.items()} for values in (each.values, each.scatter)]
+            told[name] = {"status": each.status, "reason": each.reason, "values": plain[0], "scatter": plain[1]}
+        write_round(files.told(number), {"told": told})
+    return results, one
+
+
+def designs_of(results: Results, numbers) -> list[dict]:
+    return [d for n in numbers for d in json.loads(results.exploration("best").round(n).read_text())["designs"].values()]
+
+
+def test_rounds_spend_the_budget_and_no_design_twice(searched):
+    results, one = searched
+    designs = designs_of(results, range(len(one.rounds)))
+    assert len(designs) == one.searched == 48
+    assert len({json.dumps(design, sort_keys=True) for design in designs}) == 48
+    assert designs[0] == {"n_pouches": 8, "aspect_ratio": 2.0, "stiffness_ratio": 1.0, "thickness": 0.19, "seam_shift": 0.0}
+    assert [preset_of(one, n) for n in (0, len(one.rounds))] == ["shells", "standard"]
+
+
+def test_later_designs_are_better_and_more_of_them_feasible(searched):
+    results, one = searched
+    first, later = (designs_of(results, numbers) for numbers in ([0], range(1, len(one.rounds))))
+    learned = learned_of(one, [*first, *later], [told_of(design) for design in [*first, *later]])
+    begun = np.arange(len(learned.told)) < len(first)
+    assert learned.feasible[~begun].mean() > learned.feasible[begun].mean()
+    assert np.isin(learned.front, np.flatnonzero(~begun)).mean() > 0.6
+    assert not learned.feasible[~learned.solved].any(), "what failed is never a number"
+
+
+def test_what_is_recommended_is_feasible_and_says_why(searched):
+    results, one = searched
+    kept = json.loads(results.exploration("best").round(len(one.rounds)).read_text())
+    why = list(kept["why"].values())
+    assert why[0] == "the device as it is"
+    assert len(why) == one.budget["standard"] == len(set(why))
+    assert any("robust" in each for each in why)
+    told = [told_of(design) for design in kept["designs"].values()]
+    assert all(each.is_solved and violation(one, "stroke_volume", each.values["stroke_volume"]) <= 0 for each in told)
+
+
+def test_a_robust_design_keeps_away_from_a_bound(searched):
+    """With a tolerance as wide as the feasible range of the seam shift, the robust one lies further inside than the best one."""
+    results, one = searched
+    designs = designs_of(results, range(len(one.rounds)))
+    wide = exploration(tolerance={"seam_shift": 0.1}, constraints={"stroke_volume": ">= 97"})
+    learned = learned_of(wide, designs, [told_of(design) for design in designs])
+    number = robust(learned)
+    assert learned.design(number)["seam_shift"] > -0.03
+    assert set(recommended(learned, 3).values()) <= set(np.flatnonzero(learned.feasible))
+
+
+def test_designs_on_disk_are_studies_of_the_project_and_those_of_another_space_are_not(searched, project):
+    results, one = searched
+    made = explored(project, {"best": one}, results)
+    assert len(made.studies) == one.searched + one.budget["standard"]
+    assert rounds_on_disk(results, "best", exploration(seed=2)) == []
+    assert explored(project, {"best": exploration(seed=2)}, results).studies == {}
+
+
+def test_the_page_has_front_effects_indices_and_what_is_better_than_the_device(searched):
+    results, one = searched
+    designs = designs_of(results, range(len(one.rounds)))
+    learned = learned_of(one, designs, [told_of(design) for design in designs])
+    kept = json.loads(results.exploration("best").round(len(one.rounds)).read_text())
+    fine = {name: told_of(design) for name, design in kept["designs"].items()}
+    dataset = dataset_of(one, learned, kept["designs"], fine, kept["why"])
+    assert (dataset.index_total >= dataset.index_first - 0.1).all()
+    assert int(dataset.on_front.sum()) == len(learned.front)
+    efficiency = dataset.sel(quantity="stroke_volume")
+    strongest = str(dataset.input.values[int(efficiency.index_total.argmax())])
+    assert strongest == "seam_shift", "which alone decides the stroke of the stand-in"
+    assert float(dataset.sel(quantity="stroke_volume").surrogate_error) < 0.05
+    assert bool(dataset.sel(quantity="stroke_volume").surrogate_used)
+    drawn = figures.every(dataset)
+    assert list(drawn) == ["front", "effects", "indices", "designs"]
+    for figure in drawn.values():
+        style.close(figure)
+    text = page(one, "best", dataset, list(drawn), {})
+    assert "48 designs by `shells`" in text
+    assert "Beside the device as it is" in compared(one, dataset)
+    assert isinstance(dataset, xr.Dataset)
+
+
+def test_a_surrogate_that_is_no_good_is_not_to_be_used():
+    random, one = np.random.default_rng(1), exploration(trusted_below=0.1)
+    designs = [written(one, d) for d in space_of(one).from_unit(sample(space_of(one), 40, 1))]
+    noise = [
+        Told(
+            "converged",
+            "",
+            {q: float(random.normal()) for q in (*one.goals, *one.constraints)},
+            {q: 0.0 for q in (*one.goals, *one.constraints)},
+        )
+        for _ in designs
+    ]
+    for *_, used in quality_of(learned_of(one, designs, noise)).values():
+        assert not used
+
+
+def test_a_study_of_a_design_of_one_number_of_pouches(project):
+    one = exploration(space={"n_pouches": 6, "aspect_ratio": [1, 3]}, baseline=6, tolerance={})
+    assert space_of(one).names == ["aspect_ratio"]
+    study = study_of(one, written(one, {"aspect_ratio": 2.5}), "shells", project.devices["limo"])
+    assert study.axes.n_pouches == [6]
