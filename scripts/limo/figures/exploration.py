@@ -32,16 +32,32 @@ _LABELS = {
     "thickness": "t [mm]",
     "seam_shift": "seam shift",
     "width_scale": "width scale",
+    "efficiency_90ml": "$\\eta$ at 90 ml",
+    "stroke_volume": "$\\Delta V_v$ [ml]",
+    "von_mises_peak": "peak stress [MPa]",
 }
 
 
+def names(dataset: xr.Dataset) -> list[str]:
+    """The figures that there are: that of the front where there are two goals, of surrogates where there are any."""
+    with_front = len(_goals(dataset)) == 2
+    return [*["front"] * with_front, *["effects", "indices"] * bool(dataset.sizes["quantity"]), "designs"]
+
+
 def every(dataset: xr.Dataset) -> dict:
-    """All figures by their names; that of the front where there are two goals."""
-    goals = list(json.loads(dataset.attrs["exploration"])["goals"])
-    made = {"front": front(dataset, goals)} if len(goals) == 2 else {}
-    if dataset.sizes["quantity"]:
-        made |= {"effects": effects(dataset), "indices": indices(dataset)}
-    return made | {"designs": designs(dataset, goals)}
+    """All figures by their names."""
+    goals = _goals(dataset)
+    drawing = {
+        "front": lambda: front(dataset, goals),
+        "effects": lambda: effects(dataset),
+        "indices": lambda: indices(dataset),
+        "designs": lambda: designs(dataset, goals),
+    }
+    return {name: drawing[name]() for name in names(dataset)}
+
+
+def _goals(dataset: xr.Dataset) -> list[str]:
+    return list(json.loads(dataset.attrs["exploration"])["goals"])
 
 
 def _label(dataset: xr.Dataset, name: str) -> str:

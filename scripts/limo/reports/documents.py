@@ -57,6 +57,15 @@ def _gallery(config: str, part: str) -> Callable[[Path], str]:
     return lambda root: gallery.page_of(load_config(str(root / "config" / config)), root / GALLERY / part)
 
 
+def _exploration(name: str) -> Callable[[Path], str]:
+    def made(root: Path) -> str:
+        from limo.reports.exploration import kept_page  # with all that surrogates take
+
+        return kept_page(root / GALLERY / name / "exploration.nc")
+
+    return made
+
+
 def _paper_table(root: Path) -> str:
     return _compared(root).to_csv(index=False)
 
@@ -83,6 +92,7 @@ DOCUMENTS: dict[str, Callable[[Path], str]] = {
     "docs/gallery/README.md": _gallery("config.yaml", ""),
     "docs/gallery/standard/README.md": _gallery("standard.yaml", "standard"),
     "docs/gallery/as_in_paper/README.md": _gallery("as_in_paper.yaml", "as_in_paper"),
+    "docs/gallery/best_heart/README.md": _exploration("best_heart"),
     "docs/paper_check.csv": _paper_table,
     "docs/paper_check.md": _paper_page,
     "docs/performance.md": _performance,

@@ -12,6 +12,7 @@ import xarray as xr
 from limo.config.project import Project
 from limo.config.settings import setting_of
 from limo.datasets.variables import VARIABLES
+from limo.errors import ResultError
 from limo.explore import sensitivity
 from limo.explore.designs import study_of
 from limo.explore.learn import Learned, quality_of
@@ -27,8 +28,8 @@ from limo.measure.quantities import MEASURES
 from limo.reports.markdown import markdown_table
 from limo.schema.exploration import NEVER, Exploration
 from limo.schema.study import Variant
-from limo.store.files import read_json, write_netcdf, write_whole
-from limo.store.results import Results
+from limo.store.files import UNREADABLE, read_json, write_netcdf, write_whole
+from limo.store.results import ExplorationFiles, Results
 
 #: points of an effect over an input, and designs that each is a mean of
 STEPS, OVER = 21, 256
@@ -54,6 +55,40 @@ def write_report(project: Project, name: str, exploration: Exploration, results:
     write_whole(files.page, lambda path: path.write_text(text, encoding="utf-8"))
     count = int(dataset.on_front.sum())
     return f"{files.page}: {len(learned.told)} designs, {count} on the front, {len(fine)} solved by {exploration.fine}"
+
+
+def keep_exploration(name: str, results: Results, gallery: Path) -> list[Path]:
+    """Take the dataset of an exploration into the gallery, with its pictures and its page, which are made of it alone.
+
+    Raises ``ResultError`` where there is none.
+    """
+    dataset = _read(results.exploration(name).dataset)
+    kept = ExplorationFiles(gallery / name)
+    kept.folder.mkdir(parents=True, exist_ok=True)
+    small = {n: {"zlib": True, "complevel": 9} for n, v in dataset.data_vars.items() if v.dtype.kind == "f" and v.dims}
+    write_netcdf(dataset, kept.dataset, small)
+    drawn = figures.every(dataset)
+    for figure, made in drawn.items():
+        style.save(made, kept.figure(figure))
+        style.close(made)
+    text = kept_page(kept.dataset)
+    write_whole(kept.page, lambda path: path.write_text(text, encoding="utf-8"))
+    return [kept.dataset, *(kept.figure(figure) for figure in drawn), kept.page]
+
+
+def kept_page(file: Path) -> str:
+    """The page of a kept dataset. Raises ``ResultError``."""
+    dataset = _read(file)
+    exploration = Exploration.model_validate_json(dataset.attrs["exploration"])
+    return page(exploration, file.parent.name, dataset, figures.names(dataset), {})
+
+
+def _read(file: Path) -> xr.Dataset:
+    try:
+        with xr.open_dataset(file) as opened:
+            return opened.load()
+    except UNREADABLE as error:
+        raise ResultError(f"{file}: no exploration, which snakemake NAME makes ({error})") from None
 
 
 def dataset_of(
@@ -238,7 +273,8 @@ def _recommended(exploration: Exploration, dataset: xr.Dataset, patterns: Mappin
             mean, deviation = float(one[f"predicted_{quantity}"]), float(one[f"predicted_{quantity}_deviation"])
             row[quantity] = f"{value:.4g} ± {scatter:.2g}" if np.isfinite(value) else ""
             row[f"{quantity} by the surrogate"] = f"{mean:.4g} ± {deviation:.2g}" if np.isfinite(mean) else ""
-        row["cutting pattern"] = ", ".join(f"[{Path(file).suffix[1:]}]({file})" for file in patterns.get(str(name), ()))
+        if files := patterns.get(str(name)):
+            row["cutting pattern"] = ", ".join(f"[{Path(file).suffix[1:]}]({file})" for file in files)
         rows.append(row)
     return pd.DataFrame(rows)
 

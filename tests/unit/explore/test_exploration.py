@@ -12,7 +12,7 @@ import yaml
 from limo.cases.grid import study_cases
 from limo.config.load import load_config
 from limo.config.yaml_file import parse
-from limo.errors import ConfigError, LimoError
+from limo.errors import ConfigError, LimoError, ResultError
 from limo.explore.designs import can_be_made, check_designs, own_design, project_of, space_of, study_of, written
 from limo.explore.learn import quality_of
 from limo.explore.recommend import recommended, robust
@@ -22,8 +22,9 @@ from limo.explore.steps import learned_of, propose_round
 from limo.explore.telling import Told, tell, violation
 from limo.figures import exploration as figures
 from limo.figures import style
-from limo.reports.exploration import compared, dataset_of, page
+from limo.reports.exploration import compared, dataset_of, keep_exploration, kept_page, page
 from limo.schema.exploration import Exploration
+from limo.store.files import write_netcdf
 from limo.store.results import Results
 
 from .stand_in import goals
@@ -270,6 +271,13 @@ def test_the_page_has_front_effects_indices_and_what_is_better_than_the_device(s
     assert list(drawn) == ["front", "effects", "indices", "designs"]
     for figure in drawn.values():
         style.close(figure)
+    assert figures.names(dataset) == list(drawn)
+    write_netcdf(dataset, results.exploration("best").dataset)
+    kept = keep_exploration("best", results, results.root / "gallery")
+    assert [file.name for file in kept] == ["exploration.nc", *(f"{name}.png" for name in drawn), "README.md"]
+    assert kept_page(kept[0]) == kept[-1].read_text()
+    with pytest.raises(ResultError, match="no exploration"):
+        keep_exploration("none", results, results.root / "gallery")
     text = page(one, "best", dataset, list(drawn), {})
     assert "48 designs by `shells`" in text
     assert "Beside the device as it is" in compared(one, dataset)

@@ -134,6 +134,7 @@ def add_gallery(commands: arguments.Commands) -> None:
         "afterload compliance",
         "--redraw",
         "--set standard --config config/standard.yaml",
+        "--exploration best_heart",
     )
     arguments.studies(made, "all that are gathered")
     made.add_argument("--redraw", action="store_true", help="draw what the gallery holds and copy nothing into it")
@@ -143,6 +144,7 @@ def add_gallery(commands: arguments.Commands) -> None:
         help="a set beside the first one, in a folder of this name: curves and pictures, without surfaces; it grows by the "
         "cases that are solved",
     )  # fmt: skip
+    made.add_argument("--exploration", metavar="NAME", help="an exploration instead of studies, in a folder of its name")
     made.add_argument(
         "--lacking", action="store_true", help="print the files that snakemake is to make for the set, and do nothing else"
     )
@@ -153,6 +155,12 @@ def add_gallery(commands: arguments.Commands) -> None:
 def _gallery(chosen: argparse.Namespace) -> None:
     from limo.reports.gallery import lacking_of_set, make_gallery
 
+    if chosen.exploration:
+        from limo.reports.exploration import keep_exploration
+
+        for file in keep_exploration(chosen.exploration, chosen.results, chosen.to):
+            print(file)
+        return
     where = chosen.config, chosen.studies, chosen.results, chosen.to, chosen.part
     for file in lacking_of_set(*where) if chosen.lacking else make_gallery(*where, redraw=chosen.redraw):
         print(file)
