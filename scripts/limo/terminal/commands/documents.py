@@ -157,8 +157,9 @@ def _gallery(chosen: argparse.Namespace) -> None:
 
     if chosen.exploration:
         from limo.reports.exploration import keep_exploration
+        from limo.store.results import Results
 
-        for file in keep_exploration(chosen.exploration, chosen.results, chosen.to):
+        for file in keep_exploration(chosen.exploration, Results(chosen.results), chosen.to):
             print(file)
         return
     where = chosen.config, chosen.studies, chosen.results, chosen.to, chosen.part
