@@ -51,6 +51,9 @@ def _fill(arrays: GridArrays, member: Member, study: Study, entries: Sequence[fl
         with xr.open_dataset(member.files.measures) as opened:
             measured = opened.load()
         status, reason = measured.attrs["status"], measured.attrs["reason"]
+    except FileNotFoundError:  # no more of it: where it would lie is no part of a dataset
+        arrays["measure_reason"][index] = "not measured"
+        return
     except UNREADABLE as error:
         arrays["measure_reason"][index] = str(error)
         return
