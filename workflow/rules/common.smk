@@ -17,11 +17,16 @@ def planned(tested=False):
         from limo.reliability.stress_cases import stress_cases
 
         plan = PLAN.with_cases(stress_cases(PROJECT).values())
+    return ordered(plan, {case_id for name in KEPT_STUDIES for case_id in PLAN.of_study(name)})
+
+
+def ordered(plan, first=frozenset(), **more):
+    """A plan with costs (s), priorities and meshes of its cases; those of ``first`` come before the others."""
     costs = plan_costs(plan)
-    priorities = ranks(costs, {case_id for name in KEPT_STUDIES for case_id in PLAN.of_study(name)})
+    priorities = ranks(costs, first)
     mesh_priorities = {plan.cases[name].mesh_id: len(costs) + rank for name, rank in priorities.items()}
     meshes = {case.mesh_id: case for case in plan.cases.values()}
-    return SimpleNamespace(plan=plan, costs=costs, priorities=priorities, mesh_priorities=mesh_priorities, meshes=meshes)
+    return SimpleNamespace(plan=plan, costs=costs, priorities=priorities, mesh_priorities=mesh_priorities, meshes=meshes, **more)
 
 
 def planned_for(case_id):
@@ -69,14 +74,7 @@ def _designs_of(rounds):
     if not project.studies:
         return SimpleNamespace(project=PROJECT, plan=SimpleNamespace(cases={}), meshes={})
     project = project.with_builds({**PROJECT.builds, **{engine: build_of(engine) for engine in project.engines}})
-    plan = make_plan(project)
-    costs = plan_costs(plan)
-    priorities = ranks(costs, set())
-    mesh_priorities = {plan.cases[name].mesh_id: len(costs) + rank for name, rank in priorities.items()}
-    meshes = {case.mesh_id: case for case in plan.cases.values()}
-    return SimpleNamespace(
-        project=project, plan=plan, costs=costs, priorities=priorities, mesh_priorities=mesh_priorities, meshes=meshes
-    )
+    return ordered(make_plan(project), project=project)
 
 
 def exploration_content(wildcards):

@@ -17,7 +17,7 @@ from limo.datasets.variables import VARIABLES
 from limo.errors import ConfigError
 from limo.explore.space import Design, Input, Space
 from limo.measure.quantities import MEASURES
-from limo.schema.device import Device
+from limo.schema.device import Device, Pattern
 from limo.schema.exploration import Exploration
 from limo.schema.study import Study, Variant
 
@@ -84,20 +84,21 @@ def study_of(exploration: Exploration, design: Mapping[str, float], preset: str,
     return Study.model_validate(study)
 
 
+def pattern_of(project: Project, exploration: Exploration, design: Mapping[str, float]) -> Pattern:
+    """The flat pattern of a design (``written``)."""
+    study = study_of(exploration, design, exploration.cheap, project.devices[exploration.device])
+    pattern = setting_of(project.config, project.devices, study, Variant()).device.pattern
+    return pattern.model_copy(update={"width_scale": design["width_scale"]}) if "width_scale" in design else pattern
+
+
 def can_be_made(project: Project, exploration: Exploration) -> Callable[[Design], bool]:
     """Whether the layout of a design can be cut, which is looked at before anything is meshed."""
     from limo.geometry.pattern import flat_pattern
 
-    device = project.devices[exploration.device]
-
     def allowed(design: Design) -> bool:
+        plain = written(exploration, design)
         try:
-            plain = written(exploration, design)
-            study = study_of(exploration, plain, exploration.cheap, device)
-            pattern = setting_of(project.config, project.devices, study, Variant()).device.pattern
-            if "width_scale" in design:
-                pattern = pattern.model_copy(update={"width_scale": design["width_scale"]})
-            flat_pattern(pattern, plain["n_pouches"])
+            flat_pattern(pattern_of(project, exploration, plain), plain["n_pouches"])
         except (ConfigError, ValueError):
             return False
         return True
@@ -107,9 +108,20 @@ def can_be_made(project: Project, exploration: Exploration) -> Callable[[Design]
 
 def project_of(project: Project, exploration: Exploration, designs: Mapping[str, Mapping[str, float]], preset: str) -> Project:
     """A project whose studies are designs, by their names. Raises pydantic's ``ValidationError`` for one that is no study."""
+    return with_studies(project, studies_of(project, exploration, designs, preset))
+
+
+def studies_of(
+    project: Project, exploration: Exploration, designs: Mapping[str, Mapping[str, float]], preset: str
+) -> dict[str, Study]:
+    """Designs as studies, by their names."""
     device = project.devices[exploration.device]
-    studies = {name: study_of(exploration, design, preset, device) for name, design in designs.items()}
-    return replace(project, studies=studies, broken={}, checked=None)
+    return {name: study_of(exploration, design, preset, device) for name, design in designs.items()}
+
+
+def with_studies(project: Project, studies: Mapping[str, Study]) -> Project:
+    """The project with other studies alone."""
+    return replace(project, studies=dict(studies), broken={}, checked=None)
 
 
 def check_designs(project: Project, exploration: Exploration, file: Path) -> None:

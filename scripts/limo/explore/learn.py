@@ -36,8 +36,17 @@ class Learned:
     places: np.ndarray
     told: Sequence[Told]
     designs: Sequence[Mapping[str, float]]
-    seed: int = 0
     _cache: dict = field(default_factory=dict, repr=False)
+
+    @property
+    def seed(self) -> int:
+        """That of the exploration."""
+        return self.exploration.seed
+
+    @property
+    def signed(self) -> list[tuple[str, float]]:
+        """The goals, and what they are multiplied with so that less is better."""
+        return [(name, -1.0 if way == "maximise" else 1.0) for name, way in self.exploration.goals.items()]
 
     @cached_property
     def solved(self) -> np.ndarray:
@@ -55,8 +64,7 @@ class Learned:
     @cached_property
     def goals(self) -> np.ndarray:
         """Goals (n, g) of which less is better."""
-        signs = [-1.0 if way == "maximise" else 1.0 for way in self.exploration.goals.values()]
-        return np.stack([sign * self.values(name) for sign, name in zip(signs, self.exploration.goals, strict=True)], axis=1)
+        return np.stack([sign * self.values(name) for name, sign in self.signed], axis=1)
 
     @cached_property
     def feasible(self) -> np.ndarray:
@@ -124,8 +132,7 @@ class Learned:
 
     def knowledge(self) -> Knowledge | None:
         """What a search needs; None where the goals have no surrogates yet."""
-        signs = [-1.0 if way == "maximise" else 1.0 for way in self.exploration.goals.values()]
-        processes = [self.process(name, sign) for name, sign in zip(self.exploration.goals, signs, strict=True)]
+        processes = [self.process(name, sign) for name, sign in self.signed]
         if any(process is None for process in processes):
             return None
         return Knowledge(processes, self.chance, self.goals[self.front], self.reference, self.places)

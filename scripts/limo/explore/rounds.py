@@ -7,15 +7,15 @@ round is a file of designs, and one of what came of them. Nothing else is known,
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from limo.config.load import read_section
 from limo.config.project import Project
 from limo.errors import ConfigError, ResultError
-from limo.explore.designs import check_designs, project_of
+from limo.explore.designs import check_designs, studies_of, with_studies
 from limo.schema.exploration import Exploration
+from limo.schema.study import Study
 from limo.store.files import read_json, write_json
 from limo.store.results import Results
 
@@ -64,17 +64,12 @@ def rounds_on_disk(results: Results, name: str, exploration: Exploration) -> lis
 
 def explored(project: Project, explorations: Mapping[str, Exploration], results: Results) -> Project:
     """The project with all designs that are proposed so far as its studies."""
-    studies: dict[str, Any] = {}
+    studies: dict[str, Study] = {}
     for name, exploration in explorations.items():
         for number in rounds_on_disk(results, name, exploration):
             designs = round_designs(results, name, number)
-            studies |= project_of(project, exploration, designs, preset_of(exploration, number)).studies
-    return project_of_studies(project, studies)
-
-
-def project_of_studies(project: Project, studies: Mapping[str, Any]) -> Project:
-    """The project with other studies."""
-    return replace(project, studies=dict(studies), broken={}, checked=None)
+            studies |= studies_of(project, exploration, designs, preset_of(exploration, number))
+    return with_studies(project, studies)
 
 
 def write_round(file: Path, content: dict[str, Any]) -> None:

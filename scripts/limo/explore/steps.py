@@ -16,7 +16,7 @@ from limo.explore.rounds import is_last, preset_of, round_designs
 from limo.explore.sampling import sample
 from limo.explore.search import propose
 from limo.explore.telling import Told, tell
-from limo.schema.exploration import Exploration
+from limo.schema.exploration import AS_IT_IS, Exploration
 from limo.store.files import read_json
 from limo.store.results import Results
 
@@ -37,7 +37,7 @@ def propose_round(project: Project, name: str, exploration: Exploration, number:
         if is_last(exploration, number):
             picked = recommended(learned, exploration.budget[exploration.fine] - bool(own))
             designs, why = [learned.design(k) for k in picked.values()], list(picked)
-            designs, why = ([own, *designs], ["the device as it is", *why]) if own else (designs, why)
+            designs, why = ([own, *designs], [AS_IT_IS, *why]) if own else (designs, why)
         else:
             designs, expected = _next(exploration, learned, number, allowed)
             why = [""] * len(designs)
@@ -85,12 +85,10 @@ def _plain(told: dict[str, Any]) -> dict[str, Any]:
 
 
 def learn(exploration: Exploration, results: Results, name: str, until: int) -> Learned:
-    """What all rounds before ``until`` teach. Raises ``ResultError``."""
+    """What all rounds before ``until`` teach, the last one not among them. Raises ``ResultError``."""
     designs: list[dict[str, float]] = []
     told: list[Told] = []
     for number in range(until):
-        if is_last(exploration, number):
-            continue
         kept = read_json(results.exploration(name).told(number))["told"]
         for design, values in round_designs(results, name, number).items():
             designs.append(values)
@@ -101,8 +99,7 @@ def learn(exploration: Exploration, results: Results, name: str, until: int) -> 
 def learned_of(exploration: Exploration, designs: Sequence[Mapping[str, float]], told: Sequence[Told]) -> Learned:
     """What designs (``written``) and what came of them teach."""
     space = space_of(exploration)
-    places = space.to_unit([{**design, "n_pouches": float(design["n_pouches"])} for design in designs])
-    return Learned(exploration, space, places, list(told), list(designs), exploration.seed)
+    return Learned(exploration, space, space.to_unit(designs), list(told), list(designs))
 
 
 def told_of(kept: Mapping[str, Any]) -> Told:

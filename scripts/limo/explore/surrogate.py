@@ -7,7 +7,7 @@ is noise that is known at each design; what is left is a noise that is fitted. T
 
 with low and delta processes of their own, fitted one after the other (Kennedy and O'Hagan 2000; Le Gratiet and Garnier 2014). The
 error of a process is told by leaving each design out, for which its hyperparameters stay (Rasmussen and Williams 2006, section
-5.4.2), and by designs that were held out.
+5.4.2).
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ from sklearn.gaussian_process.kernels import ConstantKernel, Matern, WhiteKernel
 LENGTHS, NOISE = (0.08, 20.0), (1e-6, 0.5)
 #: starts of the search for hyperparameters beside the first
 RESTARTS = 2
-#: designs that a process needs for each input, and at least
-PER_INPUT, FEWEST = 1, 4
+#: designs that a process needs at least
+FEWEST = 4
 #: standard deviations of an interval that 95 % of normal values lie in
 WIDE = 1.959964
 

@@ -12,7 +12,7 @@ from limo.config.project import Project
 from limo.datasets.study import gather_study
 from limo.measure.states import lowest
 from limo.schema.exploration import BOUND, NEVER, Exploration
-from limo.store.statuses import USABLE
+from limo.store.statuses import CONVERGED, DEGRADED, USABLE
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ def tell(project: Project, exploration: Exploration, name: str, case_folder: Pat
         reason = str(one.case_reason.values.ravel()[failed[0]])
         unknown = dict.fromkeys(names, float("nan"))
         return Told(str(statuses[failed[0]]), reason, unknown, unknown)
-    status = "degraded" if "degraded" in statuses else "converged"
+    status = DEGRADED if DEGRADED in statuses else CONVERGED
     remarks = "; ".join(dict.fromkeys(str(r) for r in one.case_reason.values.ravel() if str(r)))
     values = {quantity: _worst(one, exploration, quantity) for quantity in names}
     branches = [dataset.isel(branch=k) for k in range(dataset.sizes["branch"])] if "branch" in dataset.dims else [one]

@@ -9,6 +9,7 @@ import xarray as xr
 from matplotlib.lines import Line2D
 
 from limo.figures import style
+from limo.schema.exploration import AS_IT_IS
 
 TITLES = {
     "front": "The front",
@@ -89,7 +90,7 @@ def front(dataset: xr.Dataset, goals: list[str]):
             axis.plot([x[j], u], [y[j], v], color="0.6", lw=0.6)
         spread = [float(dataset[f"recommended_{name}_scatter"][k]) for name in goals]
         color = colors[float(dataset.recommended_n_pouches[k])] if "n_pouches" in dataset else style.COLORS[0]
-        own = str(dataset.why[k].values) == "the device as it is"
+        own = str(dataset.why[k].values) == AS_IT_IS
         axis.errorbar(
             u, v, spread[1], spread[0], marker="s" if own else "*", ms=7 if own else 11, color=color, mec="k", mew=0.6, lw=1
         )
@@ -97,7 +98,7 @@ def front(dataset: xr.Dataset, goals: list[str]):
     axis.set_ylabel(_label(dataset, goals[1]))
     handles = [Line2D([], [], ls="", marker="o", color=c, label=f"$N_p$ = {n:g}") for n, c in colors.items() if n]
     handles += [Line2D([], [], ls="", marker="*", ms=10, color="0.5", mec="k", label=f"by {dataset.attrs['fine']}")]
-    handles += [Line2D([], [], ls="", marker="s", color="0.5", mec="k", label="the device as it is")]
+    handles += [Line2D([], [], ls="", marker="s", color="0.5", mec="k", label=AS_IT_IS)]
     style.legend(figure, handles, [], min(len(handles), 6))
     return figure
 

@@ -16,10 +16,9 @@ from limo.beat.linear import fitted, linear_surface
 from limo.beat.periodic import MMHG, PERIODIC_STATE, SIDES, Beating, beating
 from limo.beat.surface import Surface, read_surfaces
 from limo.beat.sweep import held, with_keys
-from limo.errors import ResultError
 from limo.reports.markdown import markdown_table
 from limo.schema.beat import Beat
-from limo.store.files import UNREADABLE
+from limo.store.files import read_netcdf
 
 #: kept by ``limo beat surface --keep`` and ``limo beat surface_mini --keep``
 KEPT, KEPT_MINI = Path("docs/data/surfaces.nc"), Path("docs/data/surfaces_mini.nc")
@@ -34,6 +33,7 @@ CYCLES, SYRINGES, LEGS = (Path("docs/gallery/data") / f"{study}.nc" for study in
 DEVICE, FITTED_VENTRICULAR, FITTED_ACTUATION = 8, (0.5, 20.0), (0.0, 100.0)
 #: peripheral resistances of the rule over that of the circulation, and the pressures (kPa) that a driver may have
 AFTERLOADS, DRIVER = (0.5, 0.75, 1.0, 1.25, 1.5, 2.0), (20.0, 99.0)
+_STUDY = "dataset of a study"
 _SENSITIVITY = "dSV/dP [ml/mmHg]"
 _RESISTANCE, _SOURCE = "systemic.peripheral_resistance", "driver.source_pressure"
 
@@ -50,9 +50,9 @@ def parts(root: Path) -> dict[str, Callable[[], str]]:
         return read_circulations(root / FOLDER)
 
     return {
-        "cycles": lambda: _cycles(_dataset(root / CYCLES)),
-        "syringes": lambda: _syringes(_dataset(root / SYRINGES)),
-        "energy": lambda: _energy(surfaces(), _dataset(root / LEGS)),
+        "cycles": lambda: _cycles(read_netcdf(root / CYCLES, _STUDY)),
+        "syringes": lambda: _syringes(read_netcdf(root / SYRINGES, _STUDY)),
+        "energy": lambda: _energy(surfaces(), read_netcdf(root / LEGS, _STUDY)),
         "devices": lambda: _devices(surfaces(), circulations()),
         "bands": lambda: _bands(surfaces()[DEVICE], circulations()),
         "surfaces": lambda: _surfaces(surfaces()),
@@ -116,15 +116,6 @@ def _authors(surface: Surface, beat: Beat) -> str:
 def _ends(band: tuple[float, float], unit: float) -> str:
     low, high = (value / unit for value in band)
     return f"{low:.0f} to {high:.0f}" if np.isfinite(low) else "not all periodic"
-
-
-def _dataset(file: Path) -> xr.Dataset:
-    """A kept dataset of a study. Raises ``ResultError``."""
-    try:
-        with xr.open_dataset(file) as opened:
-            return opened.load()
-    except UNREADABLE as error:
-        raise ResultError(f"{file}: no dataset of a study ({error})") from None
 
 
 def _each(dataset: xr.Dataset) -> Iterator[tuple[dict[str, str], xr.Dataset]]:

@@ -10,11 +10,9 @@ import pandas as pd
 import xarray as xr
 
 from limo.config.project import Project
-from limo.config.settings import setting_of
 from limo.datasets.variables import VARIABLES
-from limo.errors import ResultError
 from limo.explore import sensitivity
-from limo.explore.designs import study_of
+from limo.explore.designs import pattern_of
 from limo.explore.learn import Learned, quality_of
 from limo.explore.rounds import round_designs
 from limo.explore.steps import learn, learned_of, told_of
@@ -26,10 +24,10 @@ from limo.geometry.cutting import cutting_lines, dxf, svg
 from limo.geometry.pattern import flat_pattern
 from limo.measure.quantities import MEASURES
 from limo.reports.markdown import markdown_table
-from limo.schema.exploration import NEVER, Exploration
-from limo.schema.study import Variant
-from limo.store.files import UNREADABLE, read_json, write_netcdf, write_whole
+from limo.schema.exploration import AS_IT_IS, NEVER, Exploration
+from limo.store.files import read_json, read_netcdf, write_netcdf, write_whole
 from limo.store.results import ExplorationFiles, Results
+from limo.store.statuses import USABLE
 
 #: points of an effect over an input, and designs that each is a mean of
 STEPS, OVER = 21, 256
@@ -46,12 +44,9 @@ def write_report(project: Project, name: str, exploration: Exploration, results:
     why = read_json(files.round(rounds))["why"]
     dataset = dataset_of(exploration, learned, fine_designs, fine, why)
     write_netcdf(dataset, files.dataset)
-    drawn = figures.every(dataset)
-    for figure, made in drawn.items():
-        style.save(made, files.figure(figure))
-        style.close(made)
+    drawn = _draw(dataset, files)
     patterns = _patterns(project, exploration, dataset, files.folder)
-    text = page(exploration, name, dataset, list(drawn), patterns)
+    text = page(exploration, name, dataset, drawn, patterns)
     write_whole(files.page, lambda path: path.write_text(text, encoding="utf-8"))
     count = int(dataset.on_front.sum())
     return f"{files.page}: {len(learned.told)} designs, {count} on the front, {len(fine)} solved by {exploration.fine}"
@@ -67,10 +62,7 @@ def keep_exploration(name: str, results: Results, gallery: Path) -> list[Path]:
     kept.folder.mkdir(parents=True, exist_ok=True)
     small = {n: {"zlib": True, "complevel": 9} for n, v in dataset.data_vars.items() if v.dtype.kind == "f" and v.dims}
     write_netcdf(dataset, kept.dataset, small)
-    drawn = figures.every(dataset)
-    for figure, made in drawn.items():
-        style.save(made, kept.figure(figure))
-        style.close(made)
+    drawn = _draw(dataset, kept)
     text = kept_page(kept.dataset)
     write_whole(kept.page, lambda path: path.write_text(text, encoding="utf-8"))
     return [kept.dataset, *(kept.figure(figure) for figure in drawn), kept.page]
@@ -84,11 +76,16 @@ def kept_page(file: Path) -> str:
 
 
 def _read(file: Path) -> xr.Dataset:
-    try:
-        with xr.open_dataset(file) as opened:
-            return opened.load()
-    except UNREADABLE as error:
-        raise ResultError(f"{file}: no exploration, which snakemake NAME makes ({error})") from None
+    return read_netcdf(file, "exploration, which snakemake NAME makes")
+
+
+def _draw(dataset: xr.Dataset, files: ExplorationFiles) -> list[str]:
+    """Draw all figures of a dataset; returns their names."""
+    drawn = figures.every(dataset)
+    for figure, made in drawn.items():
+        style.save(made, files.figure(figure))
+        style.close(made)
+    return list(drawn)
 
 
 def dataset_of(
@@ -124,11 +121,12 @@ def dataset_of(
     on_front[learned.front] = True
     data["on_front"] = "design", on_front
     data["why"] = "recommended", np.array([why[design] for design in fine])
-    places = np.array([learned.space.to_unit([{**d, "n_pouches": float(d["n_pouches"])}])[0] for d in fine_designs.values()])
     quality = quality_of(learned)
     for name in quantities:
         process = learned.process(name) if exploration.constraints.get(name) != NEVER else None
-        mean, deviation = (np.full(len(fine), np.nan),) * 2 if process is None or not len(places) else process.predict(places)
+        mean, deviation = (
+            (np.full(len(fine), np.nan),) * 2 if process is None or not len(fine) else process.predict(by_fine.places)
+        )
         units, long_name = _described(name)
         data[f"predicted_{name}"] = "recommended", mean, {"units": units, "long_name": f"by the surrogate, {long_name}"}
         data[f"predicted_{name}_deviation"] = "recommended", deviation, {"units": units, "long_name": "standard deviation"}
@@ -227,11 +225,7 @@ def _patterns(project: Project, exploration: Exploration, dataset: xr.Dataset, f
         design = dataset.sel(recommended=name)
         values = {each: float(design[f"recommended_{each}"]) for each in dataset.input.values}
         pouches = int(values.get("n_pouches", exploration.space.numbers[0]))
-        device = project.devices[exploration.device]
-        study = study_of(exploration, values | {"n_pouches": pouches}, exploration.fine, device)
-        pattern = setting_of(project.config, project.devices, study, Variant()).device.pattern
-        if "width_scale" in values:
-            pattern = pattern.model_copy(update={"width_scale": values["width_scale"]})
+        pattern = pattern_of(project, exploration, values | {"n_pouches": pouches})
         lines = cutting_lines(flat_pattern(pattern, pouches))
         title = f"{name}, N_p = {pouches}, one face, L = {pattern.length:g} mm"
         files = {folder / "cutting" / f"{name}.svg": svg(lines, title), folder / "cutting" / f"{name}.dxf": dxf(lines)}
@@ -246,7 +240,7 @@ def page(exploration: Exploration, name: str, dataset: xr.Dataset, drawn: list[s
     """The page of an exploration."""
     parts = [f"# {name}\n\n{exploration.description or 'An exploration'}."]
     status = dataset.status.values.astype(str)
-    solved = int(np.isin(status, ("converged", "degraded")).sum())
+    solved = int(np.isin(status, USABLE).sum())
     parts.append(
         f"{len(status)} designs by `{exploration.cheap}`, {solved} of them solved, {int(dataset.feasible.sum())} feasible, "
         f"{int(dataset.on_front.sum())} on the front. {dataset.sizes['recommended']} are solved by `{exploration.fine}`."
@@ -281,7 +275,7 @@ def _recommended(exploration: Exploration, dataset: xr.Dataset, patterns: Mappin
 
 def compared(exploration: Exploration, dataset: xr.Dataset) -> str:
     """How much better the recommended designs are than the device as it is, by the finer preset, goal by goal."""
-    own = np.flatnonzero(dataset.why.values.astype(str) == "the device as it is")
+    own = np.flatnonzero(dataset.why.values.astype(str) == AS_IT_IS)
     if not len(own) or not bool(dataset.recommended_feasible[own[0]]):
         return ""
     lines, feasible = [], dataset.recommended_feasible.values

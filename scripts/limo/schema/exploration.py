@@ -13,6 +13,8 @@ from limo.schema.study import Pouches, Pressure
 #: a constraint: a bound, or that something never happens
 BOUND = re.compile(r"^\s*(>=|<=)\s*(-?\d+(?:\.\d*)?)\s*$")
 NEVER = "none"
+#: why the device of ``baseline`` is among the recommended ones
+AS_IT_IS = "the device as it is"
 
 
 def _interval(low: float, high: float):

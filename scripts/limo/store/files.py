@@ -67,6 +67,17 @@ def is_whole(path: Path, stamp: dict[str, Any], written: float) -> bool:
         return False
 
 
+def read_netcdf(path: Path, what: str) -> xr.Dataset:
+    """A dataset, which ``what`` names in the error. Raises ``ResultError`` for a file that holds none."""
+    import xarray as xr  # planning needs no datasets
+
+    try:
+        with xr.open_dataset(path) as opened:
+            return opened.load()
+    except UNREADABLE as error:
+        raise ResultError(f"{path}: no {what} ({error})") from None
+
+
 def write_netcdf(
     dataset: xr.Dataset, path: Path, packed: Mapping[str, Mapping[str, Any]] | None = None, *, checked: bool = True
 ) -> None:

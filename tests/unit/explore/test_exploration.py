@@ -6,7 +6,6 @@ import json
 
 import numpy as np
 import pytest
-import xarray as xr
 import yaml
 
 from limo.cases.grid import study_cases
@@ -281,7 +280,6 @@ def test_the_page_has_front_effects_indices_and_what_is_better_than_the_device(s
     text = page(one, "best", dataset, list(drawn), {})
     assert "48 designs by `shells`" in text
     assert "Beside the device as it is" in compared(one, dataset)
-    assert isinstance(dataset, xr.Dataset)
 
 
 def test_a_surrogate_that_is_no_good_is_not_to_be_used():

@@ -32,8 +32,6 @@ if TYPE_CHECKING:
 
 #: share of the step of V_a that may be lacking at rest
 LACKING = 1e-6
-#: mJ of work a kPa in a mm^3
-_PER_KPA = 1e-3
 
 
 class Syringe:
@@ -82,7 +80,7 @@ class Syringe:
         run, state = self._run, self._run.state
         u, change = run.displacements(), 0.0
         along = run.assembly.reduce(run.assembly.forces(u, 0.0, 1.0)[1], u)  # N a kPa, of the modelled part
-        wanted = 1e3 * _PER_KPA * lacking / run.model.mesh.copies
+        wanted = lacking / run.model.mesh.copies  # ml are mJ a kPa
 
         def answer(negative: int) -> np.ndarray | None:
             nonlocal change
