@@ -16,8 +16,9 @@ SMALL = {
     "space": {"n_pouches": 4, "aspect_ratio": [1.5, 2.5], "stiffness_ratio": [0.8, 1.2]},
     "at": {"ventricular_pressure": [3.8], "actuation_pressure_max": 8},
     "goals": {"stroke_volume": "maximise", "von_mises_peak": "minimise"},
-    "budget": {"quick": 7, "finer": 2},
-    "first": 5,
+    "budget": {"quick": 10, "finer": 8},
+    "first": 6,
+    "held_out": 2,
     "batch": 2,
     "baseline": 4,
 }
@@ -43,16 +44,31 @@ def explored(tmp_path_factory):
 def test_it_ends_with_a_page_of_designs_that_are_solved(explored):
     folder = explored.folder / "results/explorations/small"
     with xr.open_dataset(folder / "exploration.nc") as dataset:
-        assert dataset.sizes["design"] == 7
+        assert (dataset.sizes["design"], dataset.sizes["tested"]) == (8, 2)
         assert dataset.status.isin(["converged", "degraded"]).all()
-        assert dataset.sizes["recommended"] == 2
+        why = dataset.why.values.astype(str)
+        assert why[0] == "the device as it is"
+        assert [each.startswith("proposed by both presets") for each in why].count(True) == 4
         assert dataset.recommended_stroke_volume.notnull().all()
+        assert dataset.tested_stroke_volume.notnull().all()
+        count = dataset.sizes["recommended"]
     text = (folder / "README.md").read_text()
-    assert "7 designs by `quick`" in text
+    assert "8 designs by `quick`" in text
+    assert "2 more are held out" in text
     assert "the device as it is" in text
-    for name in ("front.png", "effects.png", "indices.png", "designs.png"):
+    for name in ("front.png", "effects.png", "slices.png", "indices.png", "interactions.png", "designs.png", "devices.png"):
         assert (folder / name).stat().st_size > 5000
-    assert len(list((folder / "cutting").glob("*.dxf"))) == 2
+        assert f"]({name})" in text
+    assert len(list((folder / "cutting").glob("*.dxf"))) == count
+
+
+def test_it_is_on_the_page_of_results(explored):
+    run(explored, "page")
+    page = (explored.folder / "results/index.html").read_text()
+    assert '<section id="explorations">' in page
+    assert "stroke beside stress of one tiny device" in page
+    assert page.count(" of small") == 7, "all pictures"
+    assert "explorations/small/README.md" in page
 
 
 def test_a_second_call_does_nothing_and_a_removed_result_is_made_again(explored):

@@ -102,8 +102,10 @@ def results_of_designs(wildcards):
 
 def told_of_exploration(wildcards):
     """What came of all rounds of an exploration, the last one included."""
-    rounds = len(exploration(wildcards.exploration).rounds)
-    return [RESULTS.exploration(wildcards.exploration).told(k) for k in range(rounds + 1)]
+    from limo.explore.rounds import count_of
+
+    rounds = count_of(exploration(wildcards.exploration))
+    return [RESULTS.exploration(wildcards.exploration).told(k) for k in range(rounds)]
 
 
 def case_of(wildcards):

@@ -14,11 +14,11 @@ from sklearn.gaussian_process import GaussianProcessClassifier
 from sklearn.gaussian_process.kernels import ConstantKernel, Matern
 
 from limo.explore.front import on_front
-from limo.explore.search import Knowledge
+from limo.explore.search import Knowledge, Surrogate
 from limo.explore.space import Space
-from limo.explore.surrogate import FEWEST, Process
+from limo.explore.surrogate import FEWEST, Process, Quality, TwoFidelities, errors_of
 from limo.explore.telling import Told, violation
-from limo.schema.exploration import NEVER, Exploration
+from limo.schema.exploration import LEARNED_FROM, NEVER, Exploration
 
 #: share of the range of a goal that the reference lies beyond the worst design that is feasible
 BEYOND = 0.05
@@ -86,12 +86,13 @@ class Learned:
             self._cache[quantity, sign] = made
         return self._cache[quantity, sign]
 
-    @cached_property
-    def chance(self) -> Callable[[np.ndarray], np.ndarray]:
+    def chance(self, process_of: Callable[[str], Surrogate | None] | None = None) -> Callable[[np.ndarray], np.ndarray]:
         """The probability (m,) that a design at places (m, d) can be solved, has its goals and meets its constraints.
 
-        Bounds by the surrogates of their quantities; all else, which has no number, by a Gaussian process of classes.
+        Bounds by surrogates of their quantities, here those of ``process_of``; all else, which has no number, by a Gaussian
+        process of classes.
         """
+        process_of = process_of or self.process
         bounds = {name: text for name, text in self.exploration.constraints.items() if text != NEVER}
         lacking = ~(self.solved & np.isfinite(self.goals).all(axis=1))
         for name in self.exploration.constraints.keys() - bounds.keys():
@@ -108,7 +109,7 @@ class Learned:
             if classes is not None:
                 result = classes.predict_proba(places)[:, list(classes.classes_).index(True)]
             for name in bounds:
-                process = self.process(name)
+                process = process_of(name)
                 if process is None:
                     continue
                 mean, deviation = process.predict(places)
@@ -130,20 +131,72 @@ class Learned:
         numbers = np.flatnonzero(self.feasible)
         return numbers[on_front(self.goals[numbers])] if len(numbers) else numbers
 
+    def those(self, chosen: np.ndarray) -> Learned:
+        """What some of the designs (a mask) teach."""
+        numbers = np.flatnonzero(chosen)
+        told, designs = ([each[k] for k in numbers] for each in (self.told, self.designs))
+        return Learned(self.exploration, self.space, self.places[numbers], told, designs)
+
     def knowledge(self) -> Knowledge | None:
         """What a search needs; None where the goals have no surrogates yet."""
         processes = [self.process(name, sign) for name, sign in self.signed]
         if any(process is None for process in processes):
             return None
-        return Knowledge(processes, self.chance, self.goals[self.front], self.reference, self.places)
+        return Knowledge(processes, self.chance(), self.goals[self.front], self.reference, self.places)
 
 
-def quality_of(learned: Learned) -> Mapping[str, tuple[float, float, int, bool]]:
-    """Of each quantity with a surrogate: error over the range, coverage, designs, and whether it is to be used."""
+@dataclass(frozen=True)
+class Corrected:
+    """What the cheap preset taught, corrected by designs that the finer one solved."""
+
+    cheap: Learned
+    fine: Learned
+    _cache: dict = field(default_factory=dict, repr=False)
+
+    def process(self, quantity: str, sign: float = 1.0) -> TwoFidelities | None:
+        """The surrogate of a quantity by the finer preset times a sign; None of too few values."""
+        if (quantity, sign) not in self._cache:
+            low, values = self.cheap.process(quantity, sign), sign * self.fine.values(quantity)
+            known = self.fine.solved & np.isfinite(values)
+            scatter = np.array([each.scatter[quantity] for each in self.fine.told], float)
+            enough = low is not None and known.sum() >= LEARNED_FROM
+            places = self.fine.places[known] if enough else None
+            self._cache[quantity, sign] = (
+                TwoFidelities(low, places, values[known], scatter[known], self.cheap.seed) if enough else None
+            )
+        return self._cache[quantity, sign]
+
+    def knowledge(self) -> Knowledge | None:
+        """What a search of designs for the finer preset needs; None where that has solved too few."""
+        processes = [self.process(name, sign) for name, sign in self.cheap.signed]
+        if any(process is None for process in processes) or not self.fine.feasible.any():
+            return None
+        chance = self.cheap.chance(lambda name: self.process(name) or self.cheap.process(name))
+        return Knowledge(processes, chance, self.fine.goals[self.fine.front], self.fine.reference, self.fine.places)
+
+
+@dataclass(frozen=True)
+class Tested:
+    """How good a surrogate is: by leaving each design out, and by designs that it never knew (NaN without any)."""
+
+    left_out: Quality
+    held_out: Quality
+    is_used: bool
+
+
+def quality_of(learned: Learned, held_out: Learned | None = None) -> Mapping[str, Tested]:
+    """Of each quantity with a surrogate how good it is, and whether it is to be used; errors over the range of what it knows."""
     found = {}
     for name in (*learned.exploration.goals, *learned.exploration.constraints):
         if learned.exploration.constraints.get(name) == NEVER or (process := learned.process(name)) is None:
             continue
-        quality = process.quality()
-        found[name] = quality.error, quality.coverage, quality.designs, quality.error <= learned.exploration.trusted_below
+        left_out, unseen = process.quality(), Quality(np.nan, np.nan, 0)
+        if held_out is not None and len(held_out.told):
+            known = held_out.solved & np.isfinite(held_out.values(name))
+            if known.any():
+                mean, deviation = process.predict(held_out.places[known])
+                deviation = np.hypot(deviation, process.noise)
+                unseen = errors_of(held_out.values(name)[known], mean, deviation, float(np.ptp(process.values)))
+        worst = np.nanmax([left_out.error, unseen.error])
+        found[name] = Tested(left_out, unseen, bool(worst <= learned.exploration.trusted_below))
     return found

@@ -1,7 +1,8 @@
 """An exploration goes in rounds: designs are proposed, solved as cases, and told; the next round learns from all before.
 
-The first round samples the space, the next ones search it, and the last one solves what is recommended by the finer preset. A
-round is a file of designs, and one of what came of them. Nothing else is known, so a sweep that ends is carried on where it was.
+The first round samples the space, the next ones search it. Where nothing is worth a search any more, what is left of them has no
+designs. Then the finer preset solves what is recommended, and after that what both presets together propose. A round is a file of
+designs, and one of what came of them. Nothing else is known, so a sweep that ends is carried on where it was.
 """
 
 from __future__ import annotations
@@ -33,14 +34,19 @@ def read_exploration(project: Project, config_file: Path, name: str) -> Explorat
     return exploration
 
 
-def is_last(exploration: Exploration, number: int) -> bool:
-    """Whether a round is that of recommended designs."""
-    return number == len(exploration.rounds)
+def count_of(exploration: Exploration) -> int:
+    """How many rounds there are."""
+    return len(exploration.rounds) + len(exploration.fine_rounds)
+
+
+def is_fine(exploration: Exploration, number: int) -> bool:
+    """Whether a round is solved by the finer preset."""
+    return number >= len(exploration.rounds)
 
 
 def preset_of(exploration: Exploration, number: int) -> str:
     """The preset by which a round is solved."""
-    return exploration.fine if is_last(exploration, number) else exploration.cheap
+    return exploration.fine if is_fine(exploration, number) else exploration.cheap
 
 
 def round_designs(results: Results, name: str, number: int) -> dict[str, dict[str, float]]:
@@ -51,7 +57,7 @@ def round_designs(results: Results, name: str, number: int) -> dict[str, dict[st
 def rounds_on_disk(results: Results, name: str, exploration: Exploration) -> list[int]:
     """The rounds whose designs are there, of this exploration as it is written now."""
     found = []
-    for number in range(len(exploration.rounds) + 1):
+    for number in range(count_of(exploration)):
         try:
             kept = read_json(results.exploration(name).round(number))
         except ResultError:

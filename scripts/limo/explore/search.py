@@ -25,8 +25,6 @@ from limo.explore.space import Design, Space
 
 #: candidates: points of the whole space, and neighbours of each design of the front with their spread in the unit cube
 EVERYWHERE, NEARBY, SPREAD = 2048, 24, 0.06
-#: share of the hypervolume that the best of a batch adds at least, or the search may end
-WORTH_IT = 2e-3
 
 
 class Surrogate(Protocol):
@@ -59,11 +57,6 @@ class Proposal:
 
     places: np.ndarray
     expected: np.ndarray
-
-    @property
-    def is_worth_it(self) -> bool:
-        """Whether any of them is expected to add much."""
-        return bool((self.expected > WORTH_IT).any())
 
 
 def propose(

@@ -32,7 +32,7 @@ WIDE = 1.959964
 
 @dataclass(frozen=True)
 class Quality:
-    """How good a surrogate is, from leaving designs out.
+    """How good a surrogate is, by designs that it did not know.
 
     ``error``: root mean square over the range of the values; ``coverage``: share of designs within their interval of 95 %;
     ``designs``: how many there were.
@@ -71,6 +71,14 @@ class Process:
         without = np.sqrt(np.maximum(deviation**2 - self._noise, 1e-12))
         return self._mean + self._scale * mean, self._scale * without
 
+    def drawn(self, places: np.ndarray, count: int, random: np.random.Generator) -> np.ndarray:
+        """Values (count, m) at places (m, d) of functions drawn from the process, without noise."""
+        mean, covariance = self._process.predict(np.atleast_2d(places), return_cov=True)
+        covariance = covariance - self._noise * np.eye(len(mean))
+        values, vectors = np.linalg.eigh(0.5 * (covariance + covariance.T))
+        root = vectors * np.sqrt(np.maximum(values, 0.0))
+        return self._mean + self._scale * (mean + random.standard_normal((count, len(mean))) @ root.T)
+
     @property
     def lengths(self) -> np.ndarray:
         """The lengths (d,) in the unit cube: the shorter, the more an input does."""
@@ -85,7 +93,7 @@ class Process:
 
     def quality(self) -> Quality:
         """What leaving each design out tells."""
-        return quality_of(self.values, *self.left_out())
+        return errors_of(self.values, *self.left_out())
 
     @property
     def noise(self) -> float:
@@ -127,15 +135,24 @@ class TwoFidelities:
         difference, deviation = self.delta.predict(places)
         return self.rho * low + difference, np.hypot(self.rho * low_deviation, deviation)
 
+    def with_values(self, places: np.ndarray, values: np.ndarray) -> TwoFidelities:
+        """The same, its hyperparameters as they are, with more values (k,) of the higher fidelity at places (k, d)."""
+        cheap, _ = self.low.predict(places)
+        other = object.__new__(TwoFidelities)
+        other.low, other.rho = self.low, self.rho
+        other.places, other.values = np.vstack([self.places, places]), np.append(self.values, values)
+        other.delta = self.delta.with_values(places, values - self.rho * cheap)
+        return other
+
     def quality(self) -> Quality:
         """What leaving each value of the higher fidelity out tells, the lower one as it is."""
         mean, deviation = self.delta.left_out()
         cheap = self.values - self.delta.values
-        return quality_of(self.values, cheap + mean, deviation)
+        return errors_of(self.values, cheap + mean, deviation)
 
 
-def quality_of(values: np.ndarray, mean: np.ndarray, deviation: np.ndarray) -> Quality:
-    """The quality of predictions (n,) with standard deviations (n,) of values (n,) that they did not know."""
-    error = float(np.sqrt(np.mean((values - mean) ** 2)) / (np.ptp(values) or 1.0))
+def errors_of(values: np.ndarray, mean: np.ndarray, deviation: np.ndarray, span: float | None = None) -> Quality:
+    """The quality of predictions (n,) with standard deviations (n,) of values (n,) that they did not know, over a range."""
+    error = float(np.sqrt(np.mean((values - mean) ** 2)) / (span or np.ptp(values) or 1.0))
     inside = np.abs(values - mean) <= WIDE * np.maximum(deviation, 1e-300)
     return Quality(error, float(inside.mean()), len(values))

@@ -3,19 +3,27 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 
 import numpy as np
 import xarray as xr
 from matplotlib.lines import Line2D
 
-from limo.figures import style
+from limo.figures import pictures, style
+from limo.figures.render import Scale, Scene
+from limo.mesh.surface import facets
 from limo.schema.exploration import AS_IT_IS
 
+#: the figure of surfaces, which the dataset of an exploration does not have
+PICTURES = "devices"
 TITLES = {
     "front": "The front",
     "effects": "Effects",
+    "slices": "Slices",
     "indices": "Shares of the variance",
+    "interactions": "Interactions",
     "designs": "Designs",
+    PICTURES: "Devices",
 }
 CAPTIONS = {
     "front": "Every design that was solved; those that miss a constraint are pale. The line is the front by the cheap preset. "
@@ -24,7 +32,11 @@ CAPTIONS = {
     "effects": "The surrogate over one input, the mean over all others, and the middle 80 % of designs there.",
     "indices": "First-order and total Sobol indices of the surrogates, with intervals of 95 %. What the total has beyond the "
     "first is interaction with other inputs.",
+    "slices": "The surrogate along one input through a design, all others as in it, with its interval of 95 %. Circles mark the "
+    "design.",
+    "interactions": "The two inputs that act together most on each quantity, the mean over all others.",
     "designs": "Feasible designs over inputs and goals; the front in colour.",
+    PICTURES: "Designs solved by the finer preset, at rest and at P_a,max: von Mises stress, highest through the thickness.",
 }
 _LABELS = {
     "n_pouches": "$N_p$",
@@ -42,7 +54,9 @@ _LABELS = {
 def names(dataset: xr.Dataset) -> list[str]:
     """The figures that there are: that of the front where there are two goals, of surrogates where there are any."""
     with_front = len(_goals(dataset)) == 2
-    return [*["front"] * with_front, *["effects", "indices"] * bool(dataset.sizes["quantity"]), "designs"]
+    learned = ["effects", "slices", "indices"] * bool(dataset.sizes["quantity"])
+    pairs = ["interactions"] * bool(np.isfinite(dataset.pair_mean).any())
+    return [*["front"] * with_front, *learned, *pairs, "designs"]
 
 
 def every(dataset: xr.Dataset) -> dict:
@@ -51,10 +65,17 @@ def every(dataset: xr.Dataset) -> dict:
     drawing = {
         "front": lambda: front(dataset, goals),
         "effects": lambda: effects(dataset),
+        "slices": lambda: slices(dataset),
         "indices": lambda: indices(dataset),
+        "interactions": lambda: interactions(dataset),
         "designs": lambda: designs(dataset, goals),
     }
     return {name: drawing[name]() for name in names(dataset)}
+
+
+def short(design: str) -> str:
+    """What tells a design from others of its exploration: its round and its number."""
+    return "_".join(design.split("_")[-2:])
 
 
 def _goals(dataset: xr.Dataset) -> list[str]:
@@ -124,6 +145,32 @@ def effects(dataset: xr.Dataset):
     return figure
 
 
+def slices(dataset: xr.Dataset):
+    """A row for each quantity, a column for each input, a line with its band for each design."""
+    style.plt.rcParams.update(style.SETTINGS)
+    rows, columns = dataset.sizes["quantity"], dataset.sizes["input"]
+    size = (1.9 * columns, 1.8 * rows + 0.3)
+    figure, axes = style.plt.subplots(rows, columns, figsize=size, squeeze=False, sharey="row", layout="constrained")
+    for q, name in enumerate(dataset.quantity.values):
+        for i, each in enumerate(dataset.input.values):
+            axis, at = axes[q, i], dataset.effect_at[i].values
+            for line in range(dataset.sizes["line"]):
+                color = style.COLORS[line % len(style.COLORS)]
+                mean, within = dataset.slice[q, line, i].values, 1.96 * dataset.slice_deviation[q, line, i].values
+                known, here = np.isfinite(mean), float(dataset.slice_through[line, i])
+                axis.fill_between(at[known], (mean - within)[known], (mean + within)[known], color=color, alpha=0.2, lw=0)
+                axis.plot(at[known], mean[known], "-", color=color, lw=1.2)
+                axis.plot(here, np.interp(here, at[known], mean[known]), "o", ms=4, color=color)
+            if q == rows - 1:
+                axis.set_xlabel(_label(dataset, str(each)))
+            if i == 0:
+                axis.set_ylabel(_label(dataset, str(name)), fontsize=7)
+    colors = [style.COLORS[k % len(style.COLORS)] for k in range(dataset.sizes["line"])]
+    handles = [Line2D([], [], color=c, label=str(t)) for c, t in zip(colors, dataset.line.values, strict=True)]
+    style.legend(figure, handles, [], 2)
+    return figure
+
+
 def indices(dataset: xr.Dataset):
     """Bars of first-order and total indices, a panel for each quantity."""
     count = dataset.sizes["quantity"]
@@ -139,6 +186,50 @@ def indices(dataset: xr.Dataset):
         axis.set_title(_label(dataset, str(name)), fontsize=8)
     handles = [Line2D([], [], lw=6, color=c, label=t) for t, c in (("first order", style.COLORS[0]), ("total", style.COLORS[1]))]
     style.legend(figure, handles, [], 2)
+    return figure
+
+
+def interactions(dataset: xr.Dataset):
+    """A map of the mean over the two inputs that act together most, a panel for each quantity."""
+    shown = [q for q in range(dataset.sizes["quantity"]) if np.isfinite(dataset.pair_mean[q]).any()]
+    figure, axes = style.panels(len(shown), 2.9 * len(shown), 2.7)
+    for q, axis in zip(shown, axes, strict=True):
+        x, y, values = dataset.pair_at[q, 0].values, dataset.pair_at[q, 1].values, dataset.pair_mean[q].values
+        known = np.ix_(np.isfinite(x), np.isfinite(y))
+        drawn = axis.contourf(x[np.isfinite(x)], y[np.isfinite(y)], values[known].T, levels=12, cmap="viridis")
+        figure.colorbar(drawn, ax=axis)
+        i, j = dataset.pair.values[q]
+        axis.set_xlabel(_label(dataset, str(dataset.input.values[i])))
+        axis.set_ylabel(_label(dataset, str(dataset.input.values[j])))
+        axis.set_title(_label(dataset, str(dataset.quantity.values[q])), fontsize=8)
+        if np.isfinite(x).sum() < 8:
+            axis.set_xticks(x[np.isfinite(x)])
+    return figure
+
+
+def devices(shapes: Mapping[str, xr.Dataset]):
+    """Two pictures of each design, at rest and at P_a,max, in von Mises stress."""
+    cases = {name: pictures.squeezed(one, ["n_pouches"]).isel(n_pouches=0) for name, one in shapes.items()}
+    first = {name: case.isel({d: 0 for d in case.mesh_number.dims}) for name, case in cases.items()}
+    highest = max(float(case.von_mises.quantile(0.995)) for case in first.values())
+    scale = Scale("viridis", 0.0, pictures.rounded_up(highest))
+    across = min(3, len(first))
+    down = -(-len(first) // across)
+    figure, axes = pictures.picture_figure(down, 2 * across, pictures.Grid(width=1.35, top=0.25))
+    for axis in axes.ravel():
+        axis.set_axis_off()
+    for k, (name, case) in enumerate(first.items()):
+        for side, frame in enumerate((pictures.frame_at(case, 0.0), pictures.last_frame(case))):
+            axis = axes[k // across, 2 * (k % across) + side]
+            image = None
+            if frame is not None:
+                surface = pictures.device(case, case.displacement.values[frame], case.von_mises.values[frame])
+                scene = Scene().add(facets(surface), scale=scale)
+                image = pictures.picture(scene, pictures.DEFORMED, float(case.device_length))
+            pictures.show(axis, image, "no such frame")
+            label = f"{short(name)}, " * (side == 0) + pictures.pressure_label(case, frame)
+            axis.set_title(label, fontsize=7, pad=2)
+    pictures.colour_bar(figure, scale, "von Mises stress [MPa]", extend="max")
     return figure
 
 

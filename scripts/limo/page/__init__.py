@@ -19,9 +19,10 @@ def dataset_of(results: Path, study: str) -> Path:
 
 
 def sources(results: Path, studies: Iterable[str]) -> list[str]:
-    """What a page of those ``studies`` that have been gathered is made of, with whole paths."""
+    """What a page of those ``studies`` that have been gathered, and of explorations, is made of, with whole paths."""
     folder = Results(results)
     gathered = [files for files in map(folder.study, studies) if files.dataset.exists()]
     files = [f for study in gathered for f in (study.dataset, study.table, *study.figure("*", "png").parent.glob("*.png"))]
     files += folder.cases.glob("*/*.nc") if gathered else ()
+    files += [f for found in folder.explorations.glob("*/exploration.nc") for f in (found, *found.parent.glob("*.png"))]
     return sorted(str(file.resolve()) for file in files if file.exists())

@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-import base64
-import io
 import json
 import re
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
 from typing import Any
-from urllib.parse import quote
 
 import numpy as np
 import xarray as xr
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
-from PIL import Image
 from plotly.offline import get_plotlyjs
 
 from limo.beat.circulations import FOLDER as CIRCULATIONS
@@ -28,15 +24,14 @@ from limo.figures.style import COLORS
 from limo.page import BUDGET, FILE, FOLDER, TEMPLATES, dataset_of
 from limo.page.curves import curves
 from limo.page.devices import LEFT_OUT, Devices
+from limo.page.explorations import explorations
 from limo.page.packing import pack_bytes
+from limo.page.parts import Figure, caption_of, figure, links
 from limo.schema.study import Study
 from limo.store.files import read_json, write_whole
 from limo.store.results import Results
 from limo.store.statuses import CONVERGED, MEASURED
 
-CAPTIONS = FOLDER.parents[2] / "workflow" / "report"
-_QUALITY = 85  # of pictures, in percent
-_SHOWN = 0.6  # of a picture's pixels across: sharp on dense screens, and letters as large as those of the page
 _ROOM = 500  # bytes of a case for its names, and for a reason if it has to be left out
 _HASH = re.compile(r"\b([0-9a-f]{8})[0-9a-f]{8,}\b")
 
@@ -51,17 +46,6 @@ class CaseRow:
     remarks: list[str]
     links: list[tuple[str, str]]
     place: dict[str, float]
-
-
-@dataclass(frozen=True)
-class Figure:
-    """A figure of a study: its picture as a data URL, caption, size in pixels and files."""
-
-    name: str
-    caption: str
-    picture: str
-    size: tuple[int, int]
-    links: list[tuple[str, str]]
 
 
 @dataclass
@@ -107,6 +91,7 @@ def write_page(results: Path, studies: Mapping[str, Study], circulations: Path =
             beats[name] = beats_of(file, read_circulations(circulations))
     context = {
         "studies": parts,
+        "explorations": explorations(results),
         "absent": [name for name in studies if name not in {part.name for part in parts}],
         "plots": pack_bytes(json.dumps({"studies": plots, "colors": COLORS}, separators=(",", ":")).encode()),
         "library": pack_bytes(get_plotlyjs().encode()),
@@ -160,10 +145,11 @@ def _fill(part: StudyPart, results: Path, study: Study, dataset: xr.Dataset, dev
     builds = dict.fromkeys(_HASH.sub(r"\1", b) for b in np.unique(dataset.solver_build.values.astype(str)) if b)
     part.solved_by = ", ".join([*sorted(e for e in engines if e), *builds])
     files = Results(results).study(part.name)
-    part.links = _links(results, [files.table, files.dataset, files.shapes])
+    part.links = links(results, [files.table, files.dataset, files.shapes])
     for name in study.figures:
         try:
-            part.figures.append(_figure(results, files.figure(name, "png")))
+            png = files.figure(name, "png")
+            part.figures.append(figure(results, png, caption_of(png.stem), [png, png.with_suffix(".pdf")]))
         except OSError:
             part.absent_figures.append(name)
 
@@ -209,27 +195,7 @@ def _problems(parts: list[StudyPart], devices: Devices) -> list[tuple[str, CaseR
     return rows
 
 
-def _links(results: Path, files: Iterable[Path]) -> list[tuple[str, str]]:
-    """Names and relative addresses of those files that are there."""
-    return [(file.name, quote(file.relative_to(results).as_posix())) for file in files if file.exists()]
-
-
 def _case_links(results: Path, case_id: str) -> list[tuple[str, str]]:
     case = Results(results).case(case_id)
     fields = [file for kind in ("deformed", "reference") for file in sorted(case.fields.glob(f"{kind}*"))]
-    return _links(results, [case.status, case.volumes, case.frames, case.measures, case.fields, *fields])
-
-
-def _figure(results: Path, png: Path) -> Figure:
-    """A figure as a small picture; its files are beside it."""
-    caption = CAPTIONS / f"{png.stem}.rst"
-    with Image.open(png) as image:
-        stream, size = io.BytesIO(), tuple(round(_SHOWN * n) for n in image.size)
-        image.convert("RGB").save(stream, "WEBP", quality=_QUALITY)
-    return Figure(
-        png.stem,
-        caption.read_text(encoding="utf-8").replace("``", "") if caption.exists() else "",
-        f"data:image/webp;base64,{base64.b64encode(stream.getvalue()).decode('ascii')}",
-        size,
-        _links(results, [png, png.with_suffix(".pdf")]),
-    )
+    return links(results, [case.status, case.volumes, case.frames, case.measures, case.fields, *fields])

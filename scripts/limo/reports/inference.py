@@ -1,20 +1,19 @@
 """Unknown geometry inferred from a stated half of the paper's statements, from solved studies alone; the other half tests it.
 
 The seams of N_p = 6 and 10 are positions f, multiples of the reference seam. A study has cases at some positions. Curves between
-them are interpolated, so that nothing is solved here. For positions on a grid the study ``Inference.devices`` is judged with the
-interpolated devices put in. With s the penalty of a verdict (0 reproduced, 1 partly, 2 not) the positions inferred minimise
+them are interpolated, so that nothing is solved here. For places between the outermost positions the study ``Inference.devices``
+is judged with the interpolated devices put in. With s the penalty of a verdict (0 reproduced, 1 partly, 2 not) the belief is
 
-    sum of s over the statements used + sum of ((f - f_prior) / spread)^2 / 2.
+    p(f | statements used) ~ exp(-sum of s over them - sum of ((f - f_prior) / spread)^2 / 2).
 
-The number of pouches of a study of designs is the one with the least penalty of the statements used of it.
+The numbers of pouches of a study of designs are believed alike from the statements used of it, each as likely before.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -23,17 +22,20 @@ import xarray as xr
 
 from limo.config.yaml_file import parse, read_yaml
 from limo.errors import ConfigError, LimoError
+from limo.explore.posterior import Posterior, posterior
+from limo.explore.sampling import sample
+from limo.explore.space import Input, Space
 from limo.reports.paper_check import STATEMENTS, Statement, judged, read_dataset
 from limo.schema.inference import Inference
 from limo.store.files import write_whole
 from limo.store.statuses import USABLE
 
 PENALTIES = {"reproduced": 0.0, "partly": 1.0, "not": 2.0}
-#: positions along each unknown
-GRID = 7
+#: places at which devices are judged
+PLACES = 512
 #: how many more statements than unknowns an inference takes at least
 SPARE = 1
-COLUMNS = ("kind", "name", "study", "inference", "prior", "inferred", "low", "high")
+COLUMNS = ("kind", "name", "study", "inference", "prior", "inferred", "deviation", "low", "high", "chance_before", "chance")
 
 
 @dataclass(frozen=True)
@@ -68,11 +70,19 @@ class SeamStudy:
 
         return RBFInterpolator(self.positions, np.eye(len(self.positions)), kernel="linear", degree=1)(place[None])[0]
 
-    def grid(self) -> Iterator[np.ndarray]:
-        """Positions between the outermost of the variants, the prior first."""
-        yield self.positions[0]
-        ends = zip(self.positions.min(axis=0), self.positions.max(axis=0), strict=True)
-        yield from map(np.array, product(*(np.linspace(low, high, GRID) for low, high in ends)))
+    def inputs(self) -> list[Input]:
+        """Its unknowns between the outermost positions."""
+        ends = zip(self.names, self.positions.min(axis=0), self.positions.max(axis=0), strict=True)
+        return [Input(name, float(low), float(high)) for name, low, high in ends]
+
+
+@dataclass(frozen=True)
+class Inferred:
+    """What is believed of seams: the belief, and of each statement about the devices its verdict at every place."""
+
+    belief: Posterior
+    first: np.ndarray
+    verdicts: Mapping[str, np.ndarray]
 
 
 def read_inference(file: Path) -> Inference:
@@ -92,10 +102,33 @@ def read_inference(file: Path) -> Inference:
 def infer(file: Path, data: Path) -> pd.DataFrame:
     """What is inferred from the datasets in a folder: a row an unknown, and a row a statement with its verdict before and after.
 
-    Raises ``ConfigError`` for a mistake in ``file`` and too few statements for the unknowns, ``LimoError`` for datasets that are
-    not there or lack cases.
+    ``inferred``: of a position the mean of the belief, ``low`` and ``high`` the ends of what holds 90 % of it; of a statement its
+    most likely verdict, ``chance_before`` and ``chance`` how likely it is reproduced by the prior and by the belief; of numbers
+    of pouches the most likely one. Raises ``ConfigError`` for a mistake in ``file`` and too few statements for the unknowns,
+    ``LimoError`` for datasets that are not there or lack cases.
     """
     asked = read_inference(file)
+    found = inferred_seams(file, asked, data)
+    belief = found.belief
+    rows = [
+        {"kind": "position", "name": name, "study": asked.seams, "prior": prior, "inferred": value}
+        | {"deviation": deviation, "low": low, "high": high}
+        for name, prior, value, deviation, low, high in zip(
+            belief.space.names, found.first, belief.mean, belief.deviation, *belief.interval, strict=True
+        )
+    ]
+    for statement in (s for s in STATEMENTS if s.study == asked.devices):
+        verdicts = found.verdicts[statement.text]
+        likely = max(dict.fromkeys(verdicts), key=lambda verdict, v=verdicts: belief.chance(v == verdict)[1])
+        row = _tested(statement, asked, verdicts[0], likely)
+        rows.append(row | dict(zip(("chance_before", "chance"), belief.chance(verdicts == "reproduced"), strict=True)))
+    for name in asked.designs:
+        rows += _number_of_pouches(asked, name, data)
+    return pd.DataFrame(rows, columns=list(COLUMNS))
+
+
+def inferred_seams(file: Path, asked: Inference, data: Path) -> Inferred:
+    """What is believed of the seams; errors as ``infer``. The first place is the prior's."""
     devices, seams = (read_dataset(data, name) for name in (asked.devices, asked.seams))
     if devices is None or seams is None:
         name = asked.devices if devices is None else asked.seams
@@ -103,39 +136,25 @@ def infer(file: Path, data: Path) -> pd.DataFrame:
     devices, seams = (d.isel(branch=0, drop=True) if "branch" in d.dims else d for d in (devices, seams))
     studies = seam_studies(seams, f"{data}/{asked.seams}")
     about = {s.text: s for s in STATEMENTS if s.study == asked.devices}
-    used = [about[text] for text in asked.used if text in about]
-    unknowns = sum(study.positions.shape[1] for study in studies)
-    if len(used) < unknowns + SPARE:
-        expected = f"{unknowns + SPARE} or more statements about {asked.devices} for {unknowns} unknown positions"
-        raise ConfigError(file, "used", f"{len(used)} of them", expected, f"used: [{', '.join(list(about)[:2])}]")
-    first = [study.positions[0] for study in studies]
-    costs: list[tuple[float, list[np.ndarray]]] = []
-    on_grid = [[(place, study.at(place)) for place in study.grid()] for study in studies]
-    for chosen in product(*on_grid):
-        places = [place for place, _ in chosen]
-        tried = put_in(devices, {study.n_pouches: cases for study, (_, cases) in zip(studies, chosen, strict=True)})
-        verdicts = [judged(s, tried)[1] for s in used]
-        away = np.concatenate([(p - f) / asked.prior_spread for p, f in zip(places, first, strict=True)])
-        costs.append((_penalty(verdicts) + 0.5 * float(away @ away), places))
-    least = min(cost for cost, _ in costs)
-    found = next(places for cost, places in costs if cost == least)
-    near = np.array([np.concatenate(places) for cost, places in costs if cost <= least + 0.5])
-    rows = [
-        {"kind": "position", "name": name, "study": asked.seams, "prior": prior, "inferred": value, "low": low, "high": high}
-        for name, prior, value, low, high in zip(
-            [n for study in studies for n in study.names],
-            np.concatenate(first),
-            np.concatenate(found),
-            near.min(axis=0),
-            near.max(axis=0),
-            strict=True,
+    used = [text for text in asked.used if text in about]
+    space = Space(tuple(each for study in studies for each in study.inputs()))
+    if len(used) < len(space.inputs) + SPARE:
+        expected = (
+            f"{len(space.inputs) + SPARE} or more statements about {asked.devices} for {len(space.inputs)} unknown positions"
         )
-    ]
-    before, after = (with_seams(devices, studies, places) for places in (first, found))
-    rows += [_tested(s, asked, judged(s, before)[1], judged(s, after)[1]) for s in about.values()]
-    for name in asked.designs:
-        rows += _number_of_pouches(asked, name, data)
-    return pd.DataFrame(rows, columns=list(COLUMNS))
+        raise ConfigError(file, "used", f"{len(used)} of them", expected, f"used: [{', '.join(list(about)[:2])}]")
+    first = np.concatenate([study.positions[0] for study in studies])
+    prior_place = np.array([[each.to_unit(f) for each, f in zip(space.inputs, first, strict=True)]])
+    places = np.vstack([prior_place, sample(space, PLACES, 0)])
+    verdicts: dict[str, list[str]] = {text: [] for text in about}
+    for place in space.from_unit(places):
+        tried = with_seams(devices, studies, [np.array([place[name] for name in study.names]) for study in studies])
+        for text, statement in about.items():
+            verdicts[text].append(judged(statement, tried)[1])
+    penalty = np.array([_penalty([verdicts[text][k] for text in used]) for k in range(len(places))])
+    values = np.array([list(place.values()) for place in space.from_unit(places)])
+    prior = -0.5 * (((values - first) / asked.prior_spread) ** 2).sum(axis=1)
+    return Inferred(posterior(space, places, prior, penalty), first, {text: np.array(each) for text, each in verdicts.items()})
 
 
 def seam_studies(dataset: xr.Dataset, source: str) -> list[SeamStudy]:
@@ -207,12 +226,14 @@ def _number_of_pouches(asked: Inference, name: str, data: Path) -> list[dict[str
         int(n): {s.text: judged(s, dataset.sel(n_pouches=[n]), f"N_p = {int(n)}: ")[1] for s in about}
         for n in dataset.n_pouches.values
     }
-    costs = {n: _penalty([found[text] for text in asked.used if text in found]) for n, found in verdicts.items()}
-    first, chosen = next(iter(costs)), min(costs, key=lambda n: (costs[n], n))
+    penalty = {n: _penalty([found[text] for text in asked.used if text in found]) for n, found in verdicts.items()}
+    first, least = next(iter(penalty)), min(penalty.values())
+    weights = {n: float(np.exp(least - each)) for n, each in penalty.items()}
+    chance = {n: weight / sum(weights.values()) for n, weight in weights.items()}
+    chosen = max(chance, key=lambda n: (chance[n], -n))
     row = {"kind": "pouches", "name": f"N_p of {name}", "study": name, "prior": first, "inferred": chosen}
-    equal = [n for n, cost in costs.items() if cost <= costs[chosen] + 0.5]
     tested = [_tested(s, asked, verdicts[first][s.text], verdicts[chosen][s.text]) for s in about]
-    return [row | {"low": min(equal), "high": max(equal)}, *tested]
+    return [row | {"chance_before": 1 / len(chance), "chance": chance[chosen]}, *tested]
 
 
 def write_inference(file: Path, data: Path, table: Path) -> str:

@@ -13,8 +13,13 @@ from limo.schema.study import Pouches, Pressure
 #: a constraint: a bound, or that something never happens
 BOUND = re.compile(r"^\s*(>=|<=)\s*(-?\d+(?:\.\d*)?)\s*$")
 NEVER = "none"
+#: designs by the finer preset from which on it is learned from
+LEARNED_FROM = 4
 #: why the device of ``baseline`` is among the recommended ones
 AS_IT_IS = "the device as it is"
+#: how the reason begins why designs are there that test the surrogates, and those that both presets together propose
+HELD_OUT = "held out"
+SEARCHED_FINELY = "proposed by both presets"
 
 
 def _interval(low: float, high: float):
@@ -111,9 +116,26 @@ class Exploration(Section):
         None, description="N_p of the device as it is, which is solved beside the designs by both presets", examples=[8]
     )
     first: int | None = Field(
-        None, ge=2, description="designs before the search begins (default: a third of the budget)", examples=[40]
+        None,
+        ge=2,
+        description="designs before the search begins (default: a third of the budget); the whole budget searches nothing",
+        examples=[40],
     )
     batch: int = Field(8, ge=1, le=64, description="designs proposed at once", examples=[8])
+    held_out: int | None = Field(
+        None,
+        ge=0,
+        description="samples of the budget that are solved and never learned from, which test the surrogates (default: a tenth)",
+        examples=[12],
+    )
+    worth: float = Field(
+        0.002,
+        ge=0,
+        lt=1,
+        description="the search ends after two batches of which no design is expected to add this share of the hypervolume; 0 "
+        "spends the whole budget",
+        examples=[0.002],
+    )
     seed: int = Field(1, ge=0, le=2**31, description="of samples and of the search", examples=[1])
     tolerance: dict[Literal["aspect_ratio", "stiffness_ratio", "thickness", "seam_shift", "width_scale"], float] = Field(
         {},
@@ -149,8 +171,14 @@ class Exploration(Section):
             raise ValueError(
                 f"a budget of more than {2 * inputs} designs for {inputs} inputs; such as budget: {{shells: 120, ...}}"
             )
-        if self.beginning >= self.searched:
-            raise ValueError(f"first below the budget of {self.searched} designs; such as first: {self.searched // 3}")
+        if self.tested and self.tested > self.searched // 2:
+            raise ValueError(
+                f"held_out of at most half of the budget of {self.searched} designs; such as held_out: {self.searched // 10}"
+            )
+        if self.beginning + self.tested > self.searched:
+            raise ValueError(
+                f"first and held_out within the budget of {self.searched} designs; such as first: {self.searched // 3}"
+            )
         return self
 
     @property
@@ -174,10 +202,20 @@ class Exploration(Section):
         return self.first or max(2 * (1 + len(self.space.continuous)), self.searched // 3)
 
     @property
+    def tested(self) -> int:
+        """How many of them test the surrogates."""
+        return self.searched // 10 if self.held_out is None else self.held_out
+
+    @property
     def rounds(self) -> list[int]:
-        """How many designs each round has: the first, and batches as long as there is budget."""
-        left, counts = self.searched - self.beginning, [self.beginning]
-        while left > 0:
+        """How many designs each round by the cheap preset has: the first, with those held out, and batches as budget is left."""
+        counts = [self.beginning + self.tested]
+        while (left := self.searched - sum(counts)) > 0:
             counts.append(min(self.batch, left))
-            left -= counts[-1]
         return counts
+
+    @property
+    def fine_rounds(self) -> list[int]:
+        """How many designs each round by the finer preset has: of many, half are chosen with what the others taught."""
+        count = self.budget[self.fine]
+        return [count] if count < 2 * LEARNED_FROM else [count - count // 2, count // 2]

@@ -13,15 +13,16 @@ from limo.config.load import load_config
 from limo.config.yaml_file import parse
 from limo.errors import ConfigError, LimoError, ResultError
 from limo.explore.designs import can_be_made, check_designs, own_design, project_of, space_of, study_of, written
+from limo.explore.found import dataset_of
 from limo.explore.learn import quality_of
 from limo.explore.recommend import recommended, robust
-from limo.explore.rounds import explored, preset_of, read_exploration, rounds_on_disk, write_round
+from limo.explore.rounds import count_of, explored, preset_of, read_exploration, rounds_on_disk, write_round
 from limo.explore.sampling import sample
-from limo.explore.steps import learned_of, propose_round
+from limo.explore.steps import held_out, is_over, learn, learned_of, propose_round, solved_finely
 from limo.explore.telling import Told, tell, violation
 from limo.figures import exploration as figures
 from limo.figures import style
-from limo.reports.exploration import compared, dataset_of, keep_exploration, kept_page, page
+from limo.reports.exploration import compared, keep_exploration, kept_page, page
 from limo.schema.exploration import Exploration
 from limo.store.files import write_netcdf
 from limo.store.results import Results
@@ -39,7 +40,7 @@ CONTENT = {
     "at": {"ventricular_pressure": [13.8], "actuation_pressure_max": 100},
     "goals": {"efficiency_90ml": "maximise", "von_mises_peak": "minimise"},
     "constraints": {"stroke_volume": ">= 90", "contact_front_back": "none"},
-    "budget": {"shells": 48, "standard": 5},
+    "budget": {"shells": 48, "standard": 8},
     "baseline": 8,
     "tolerance": {"thickness": 0.01},
 }
@@ -72,7 +73,10 @@ def project(root):
         ({"budget": {"shells": 120}}, "at least 2"),
         ({"budget": {"shells": 10, "standard": 5}}, "more than 10 designs for 5 inputs"),
         ({"budget": {"shells": 48, "standard": 48}}, "many designs by one preset"),
-        ({"first": 48}, "first below the budget"),
+        ({"first": 49}, "first and held_out within the budget"),
+        ({"first": 40, "held_out": 10}, "first and held_out within the budget"),
+        ({"held_out": 30}, "held_out of at most half"),
+        ({"worth": 1}, "less than 1"),
         ({"baseline": 12}, "baseline as one of"),
     ],
     ids=lambda x: str(x)[:40],
@@ -184,10 +188,16 @@ def told_of(design: dict) -> Told:
 
 @pytest.fixture(scope="module")
 def searched(project, tmp_path_factory):
-    """A whole search of the stand-in: its files, as the rules write them."""
-    results, one = Results(tmp_path_factory.mktemp("explored")), exploration()
-    files = results.exploration("best")
-    for number in range(len(one.rounds) + 1):
+    """A whole search of the stand-in."""
+    results, one = Results(tmp_path_factory.mktemp("explored")), exploration(worth=0)
+    search(project, results, one)
+    return results, one
+
+
+def search(project, results: Results, one: Exploration) -> list[dict]:
+    """Search the stand-in; its files are written as the rules write them. Returns the designs of each round."""
+    files, rounds = results.exploration("best"), []
+    for number in range(count_of(one)):
         proposed = propose_round(project, "best", one, number, results)
         write_round(files.round(number), proposed)
         told = {}
@@ -195,8 +205,14 @@ def searched(project, tmp_path_factory):
             each = told_of(design)
             plain = [{n: None if np.isnan(v) else v for n, v in values.items()} for values in (each.values, each.scatter)]
             told[name] = {"status": each.status, "reason": each.reason, "values": plain[0], "scatter": plain[1]}
-        write_round(files.told(number), {"told": told})
-    return results, one
+        write_round(files.told(number), {"told": told, "cases": {}})
+        rounds.append(proposed["designs"])
+    return rounds
+
+
+def learned_and_held_out(results: Results, one: Exploration):
+    """What the rounds on disk teach, and the designs that they never learned from."""
+    return learn(one, results, "best", len(one.rounds)), held_out(one, results, "best")
 
 
 def designs_of(results: Results, numbers) -> list[dict]:
@@ -214,22 +230,57 @@ def test_rounds_spend_the_budget_and_no_design_twice(searched):
 
 def test_later_designs_are_better_and_more_of_them_feasible(searched):
     results, one = searched
-    first, later = (designs_of(results, numbers) for numbers in ([0], range(1, len(one.rounds))))
-    learned = learned_of(one, [*first, *later], [told_of(design) for design in [*first, *later]])
-    begun = np.arange(len(learned.told)) < len(first)
+    learned, tested = learned_and_held_out(results, one)
+    begun = np.arange(len(learned.told)) < one.beginning
     assert learned.feasible[~begun].mean() > learned.feasible[begun].mean()
     assert np.isin(learned.front, np.flatnonzero(~begun)).mean() > 0.6
     assert not learned.feasible[~learned.solved].any(), "what failed is never a number"
+    assert (len(learned.told), len(tested.told)) == (44, 4)
+
+
+def test_designs_that_are_held_out_are_samples_and_nothing_learns_from_them(searched):
+    results, one = searched
+    learned, tested = learned_and_held_out(results, one)
+    assert not {json.dumps(d, sort_keys=True) for d in learned.designs} & {json.dumps(d, sort_keys=True) for d in tested.designs}
+    samples = space_of(one).from_unit(sample(space_of(one), one.rounds[0], one.seed))
+    assert [written(one, d) for d in samples[-4:]] == list(tested.designs)
+    quality = quality_of(learned, tested)["stroke_volume"]
+    mean, _ = learned.process("stroke_volume").predict(tested.places[tested.solved])
+    error = np.sqrt(np.mean((tested.values("stroke_volume")[tested.solved] - mean) ** 2))
+    known = learned.values("stroke_volume")[learned.solved]
+    assert quality.held_out.error == pytest.approx(error / np.ptp(known), rel=1e-9)
+    assert quality.held_out.designs == tested.solved.sum()
+
+
+def test_a_surrogate_that_fails_on_designs_held_out_is_not_to_be_used(searched):
+    """Leaving out looks fine, as all that was learned from lies on a line; what is held out lies elsewhere."""
+    results, one = searched
+    learned, tested = learned_and_held_out(results, one)
+    moved = [
+        Told(t.status, t.reason, t.values | {"stroke_volume": t.values["stroke_volume"] + 50}, t.scatter) for t in tested.told
+    ]
+    assert quality_of(learned, tested)["stroke_volume"].is_used
+    assert not quality_of(learned, learned_of(one, tested.designs, moved))["stroke_volume"].is_used
+
+
+def test_a_search_that_is_not_worth_it_ends_and_says_so(project, tmp_path):
+    """Rounds after two batches of which no design is expected to add enough have no designs; the finer preset goes on."""
+    results, one = Results(tmp_path), exploration(worth=0.9, budget={"shells": 60, "standard": 5}, batch=4)
+    whole = search(project, results, one)
+    assert [len(designs) for designs in whole] == [26, 4, 4, *[0] * 7, 5]
+    assert is_over(one, results, "best", 4)
+    assert not is_over(exploration(worth=0.0), results, "best", 3)
 
 
 def test_what_is_recommended_is_feasible_and_says_why(searched):
     results, one = searched
-    kept = json.loads(results.exploration("best").round(len(one.rounds)).read_text())
-    why = list(kept["why"].values())
+    fine, reasons = solved_finely(one, results, "best")
+    why = list(reasons.values())
     assert why[0] == "the device as it is"
     assert len(why) == one.budget["standard"] == len(set(why))
     assert any("robust" in each for each in why)
-    told = [told_of(design) for design in kept["designs"].values()]
+    assert [each.startswith("proposed by both presets") for each in why] == [False] * 4 + [True] * 4
+    told = fine.told[: one.fine_rounds[0]]
     assert all(each.is_solved and violation(one, "stroke_volume", each.values["stroke_volume"]) <= 0 for each in told)
 
 
@@ -252,13 +303,10 @@ def test_designs_on_disk_are_studies_of_the_project_and_those_of_another_space_a
     assert explored(project, {"best": exploration(seed=2)}, results).studies == {}
 
 
-def test_the_page_has_front_effects_indices_and_what_is_better_than_the_device(searched):
+def test_the_page_has_front_effects_indices_and_what_is_better_than_the_device(searched, project):
     results, one = searched
-    designs = designs_of(results, range(len(one.rounds)))
-    learned = learned_of(one, designs, [told_of(design) for design in designs])
-    kept = json.loads(results.exploration("best").round(len(one.rounds)).read_text())
-    fine = {name: told_of(design) for name, design in kept["designs"].items()}
-    dataset = dataset_of(one, learned, kept["designs"], fine, kept["why"])
+    learned, tested = learned_and_held_out(results, one)
+    dataset = dataset_of(learned, tested, *solved_finely(one, results, "best"), project.devices["limo"])
     assert (dataset.index_total >= dataset.index_first - 0.1).all()
     assert int(dataset.on_front.sum()) == len(learned.front)
     efficiency = dataset.sel(quantity="stroke_volume")
@@ -267,7 +315,7 @@ def test_the_page_has_front_effects_indices_and_what_is_better_than_the_device(s
     assert float(dataset.sel(quantity="stroke_volume").surrogate_error) < 0.05
     assert bool(dataset.sel(quantity="stroke_volume").surrogate_used)
     drawn = figures.every(dataset)
-    assert list(drawn) == ["front", "effects", "indices", "designs"]
+    assert list(drawn) == ["front", "effects", "slices", "indices", "interactions", "designs"]
     for figure in drawn.values():
         style.close(figure)
     assert figures.names(dataset) == list(drawn)
@@ -278,7 +326,9 @@ def test_the_page_has_front_effects_indices_and_what_is_better_than_the_device(s
     with pytest.raises(ResultError, match="no exploration"):
         keep_exploration("none", results, results.root / "gallery")
     text = page(one, "best", dataset, list(drawn), {})
-    assert "48 designs by `shells`" in text
+    assert "44 designs by `shells`" in text
+    assert "4 more are held out" in text
+    assert float(dataset.slice.sel(line=dataset.line[0]).isnull().mean()) < 1
     assert "Beside the device as it is" in compared(one, dataset)
 
 
@@ -294,8 +344,7 @@ def test_a_surrogate_that_is_no_good_is_not_to_be_used():
         )
         for _ in designs
     ]
-    for *_, used in quality_of(learned_of(one, designs, noise)).values():
-        assert not used
+    assert not any(tested.is_used for tested in quality_of(learned_of(one, designs, noise)).values())
 
 
 def test_a_study_of_a_design_of_one_number_of_pouches(project):

@@ -9,6 +9,7 @@ from scipy.stats import norm
 from limo.errors import LimoError
 from limo.explore import sensitivity
 from limo.explore.front import dominated_volume, knee, on_front
+from limo.explore.posterior import posterior
 from limo.explore.sampling import sample
 from limo.explore.search import Knowledge, improvement, propose
 from limo.explore.space import Input, Space
@@ -195,6 +196,38 @@ def test_a_batch_has_no_design_twice_and_none_that_cannot_be():
     assert all(only_eight(design) for design in SPACE.from_unit(proposal.places))
     every = np.vstack([places, proposal.places])
     assert len(np.unique(every.round(6), axis=0)) == len(every)
-    assert proposal.is_worth_it
+    assert (proposal.expected > 0).any()
     never = Knowledge(surrogates, lambda x: np.zeros(len(x)), found[on_front(found)], REFERENCE, places)
-    assert not propose(SPACE, never, 8, seed=1).is_worth_it
+    assert (propose(SPACE, never, 8, seed=1).expected == 0).all()
+
+
+# --- what is believed of what nobody knows ------------------------------------------------------------------------------------
+
+
+def test_a_belief_is_that_of_a_normal_prior_with_a_normal_penalty():
+    """Prior N(0, 1), penalty ((x - 1) / 0.5)^2 / 2: the belief is N(0.8, 0.2) in x, and the prior in y."""
+    space = Space((Input("x", -4.0, 4.0), Input("y", -4.0, 4.0)))
+    places = sample(space, 4096, 1)
+    x, y = (np.array([design[name] for design in space.from_unit(places)]) for name in "xy")
+    found = posterior(space, places, -0.5 * (x**2 + y**2), 0.5 * ((x - 1) / 0.5) ** 2)
+    assert found.mean == pytest.approx([0.8, 0.0], abs=0.01)
+    assert found.deviation == pytest.approx([np.sqrt(0.2), 1.0], abs=0.01)
+    assert found.interval[:, 0] == pytest.approx([0.8 - 1.645 * np.sqrt(0.2), 0.8 + 1.645 * np.sqrt(0.2)], abs=0.02)
+    before, after = found.chance(x > 0.8)
+    assert (before, after) == (pytest.approx(0.212, abs=0.005), pytest.approx(0.5, abs=0.01))
+    assert 100 < found.effective < 4096
+    with pytest.raises(ValueError, match="at every place"):
+        posterior(space, places, np.full(len(places), np.nan), x)
+
+
+# --- the paper's statements in a larger space ---------------------------------------------------------------------------------
+
+
+def test_functions_drawn_from_a_process_have_its_mean_and_spread():
+    places = sample(SPACE, 40, 1)
+    process = Process(places, smooth(places), None, 1)
+    line = sample(SPACE, 3, 7)
+    drawn = process.drawn(line, 4000, np.random.default_rng(1))
+    mean, deviation = process.predict(line)
+    assert drawn.mean(axis=0) == pytest.approx(mean, abs=4 * deviation.max() / np.sqrt(4000))
+    assert drawn.std(axis=0) == pytest.approx(deviation, rel=0.1)
