@@ -10,12 +10,14 @@ import xarray as xr
 from limo.datasets.variables import VARIABLES
 from limo.explore import sensitivity
 from limo.explore.claims import shares
-from limo.explore.designs import own_design
+from limo.explore.designs import own_design, written
 from limo.explore.front import knee
 from limo.explore.learn import Corrected, Learned, Tested, quality_of
+from limo.explore.steps import learned_of
+from limo.explore.telling import Told
 from limo.measure.quantities import MEASURES
 from limo.schema.device import Device
-from limo.schema.exploration import NEVER, SEARCHED_FINELY
+from limo.schema.exploration import NEVER, SEARCHED_FINELY, Exploration
 
 #: points of an effect over an input, designs that each is a mean of, and as many of a pair of inputs
 STEPS, OVER, PAIR_STEPS, PAIR_OVER = 21, 256, 13, 64
@@ -56,6 +58,30 @@ def dataset_of(
     coordinates |= {"claim": texts, "claim_n_pouches": numbers}
     attributes = {"exploration": exploration.model_dump_json(), "cheap": exploration.cheap, "fine": exploration.fine}
     return xr.Dataset(data, coordinates, attributes)
+
+
+def known_from(dataset: xr.Dataset) -> Learned:
+    """What a dataset of ``dataset_of`` teaches: its designs by the cheap preset, as they were learned from."""
+    return _again(dataset, "design", "")
+
+
+def held_out_of(dataset: xr.Dataset) -> Learned:
+    """What came of the designs of a dataset that were held out."""
+    return _again(dataset, "tested", "tested_")
+
+
+def _again(dataset: xr.Dataset, kind: str, prefix: str) -> Learned:
+    exploration = Exploration.model_validate_json(dataset.attrs["exploration"])
+    inputs, quantities = dataset.input.values.astype(str), [*exploration.goals, *exploration.constraints]
+    designs, told = [], []
+    for k in range(dataset.sizes[kind]):
+        one = dataset.isel({kind: k})
+        design = {name: float(one[f"{prefix}{name}"]) for name in inputs}
+        designs.append(written(exploration, design))
+        values = {name: float(one[f"{prefix}{name}"]) for name in quantities}
+        scatter = {name: float(one[f"{prefix}{name}_scatter"]) for name in quantities}
+        told.append(Told(str(one[f"{prefix}status"].values), str(one[f"{prefix}reason"].values), values, scatter))
+    return learned_of(exploration, designs, told)
 
 
 def described(name: str) -> tuple[str, str]:

@@ -66,6 +66,12 @@ def _exploration(name: str) -> Callable[[Path], str]:
     return made
 
 
+def _explorations(root: Path) -> dict[str, Callable[[], str]]:
+    from limo.reports.explorations import parts  # with all that surrogates take
+
+    return parts(root / GALLERY)
+
+
 def _paper_table(root: Path) -> str:
     return _compared(root).to_csv(index=False)
 
@@ -88,11 +94,13 @@ DOCUMENTS: dict[str, Callable[[Path], str]] = {
     "docs/accuracy.md": _accuracy,
     "docs/beat.md": _parts("docs/beat.md", beats.parts),
     "docs/configuration.md": _parts("docs/configuration.md", lambda _: configuration.parts()),
+    "docs/explore.md": _parts("docs/explore.md", _explorations),
     "docs/geometry.md": _parts("docs/geometry.md", geometry.parts),
     "docs/gallery/README.md": _gallery("config.yaml", ""),
     "docs/gallery/standard/README.md": _gallery("standard.yaml", "standard"),
     "docs/gallery/as_in_paper/README.md": _gallery("as_in_paper.yaml", "as_in_paper"),
     "docs/gallery/best_heart/README.md": _exploration("best_heart"),
+    "docs/gallery/best_heart_by_chance/README.md": _exploration("best_heart_by_chance"),
     "docs/paper_check.csv": _paper_table,
     "docs/paper_check.md": _paper_page,
     "docs/performance.md": _performance,

@@ -144,7 +144,7 @@ def page(exploration: Exploration, name: str, dataset: xr.Dataset, drawn: list[s
         parts.append(text)
     parts.append(f"## What explains what\n\n{markdown_table(_explained(dataset))}\n\n{_together(dataset)}")
     if dataset.sizes["claim"]:
-        parts.append(f"## The paper's statements in this space\n\n{_CLAIMS}\n\n{markdown_table(_claimed(dataset))}")
+        parts.append(f"## The paper's statements in this space\n\n{CLAIMED}\n\n{markdown_table(claimed(dataset))}")
     parts += [f"## {figures.TITLES[figure]}\n\n![{figure}]({figure}.png)\n\n{figures.CAPTIONS[figure]}" for figure in drawn]
     return "\n\n".join(parts) + "\n"
 
@@ -251,13 +251,15 @@ def _together(dataset: xr.Dataset) -> str:
     return f"Each cell has the first-order and the total index. What acts together most: {'; '.join(texts)}." if texts else ""
 
 
-_CLAIMS = (
+#: what the table of the paper's statements shows
+CLAIMED = (
     "Of designs anywhere in the space all inputs but one stay, and that one takes the paper's values. The table has the share of "
     "designs for which a statement of the paper holds, with what the surrogates do not know. A share near a half is undecided."
 )
 
 
-def _claimed(dataset: xr.Dataset) -> pd.DataFrame:
+def claimed(dataset: xr.Dataset) -> pd.DataFrame:
+    """The paper's statements with the share of designs for which each holds."""
     return pd.DataFrame(
         {"statement": str(text)}
         | {f"N_p = {number:g}": f"{share:.2f}" for number, share in zip(dataset.claim_n_pouches.values, row, strict=True)}

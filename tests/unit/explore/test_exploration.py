@@ -12,17 +12,21 @@ from limo.cases.grid import study_cases
 from limo.config.load import load_config
 from limo.config.yaml_file import parse
 from limo.errors import ConfigError, LimoError, ResultError
+from limo.explore.claims import shares
 from limo.explore.designs import can_be_made, check_designs, own_design, project_of, space_of, study_of, written
-from limo.explore.found import dataset_of
-from limo.explore.learn import quality_of
+from limo.explore.found import dataset_of, held_out_of, known_from
+from limo.explore.learn import Corrected, quality_of
 from limo.explore.recommend import recommended, robust
 from limo.explore.rounds import count_of, explored, preset_of, read_exploration, rounds_on_disk, write_round
 from limo.explore.sampling import sample
+from limo.explore.search import propose
 from limo.explore.steps import held_out, is_over, learn, learned_of, propose_round, solved_finely
+from limo.explore.surrogate import Process, TwoFidelities
 from limo.explore.telling import Told, tell, violation
 from limo.figures import exploration as figures
 from limo.figures import style
 from limo.reports.exploration import compared, keep_exploration, kept_page, page
+from limo.reports.explorations import beside_chance
 from limo.schema.exploration import Exploration
 from limo.store.files import write_netcdf
 from limo.store.results import Results
@@ -352,3 +356,109 @@ def test_a_study_of_a_design_of_one_number_of_pouches(project):
     assert space_of(one).names == ["aspect_ratio"]
     study = study_of(one, written(one, {"aspect_ratio": 2.5}), "shells", project.devices["limo"])
     assert study.axes.n_pouches == [6]
+
+
+# --- the paper's statements in a larger space -----------------------------------------------------------------------------
+
+
+def as_the_paper_says(design: dict, sign: float) -> Told:
+    """A device of which all statements of the paper hold by a wide margin, or with a negative sign of none but the stroke's."""
+    ratio, stiffness = design["aspect_ratio"], design["stiffness_ratio"]
+    values = {
+        "efficiency_90ml": 0.7 - sign * 0.1 * ((ratio - 2.5) ** 2 + 4 * (stiffness - 0.75) ** 2),
+        "stroke_volume": 150 - sign * 8 * (stiffness - 0.75) ** 2,
+        "von_mises_peak": 20 + sign * (3 * ratio + 8 * stiffness),
+        "contact_front_back": float("nan"),
+    }
+    return Told("converged", "", values, dict.fromkeys(values, 0.0))
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_statements_of_the_paper_are_told_apart_in_a_larger_space(sign):
+    one = exploration()
+    designs = [written(one, d) for d in space_of(one).from_unit(sample(space_of(one), 64, 1))]
+    learned = learned_of(one, designs, [as_the_paper_says(design, sign) for design in designs])
+    texts, numbers, held = shares(learned)
+    assert numbers == [4, 6, 8, 10]
+    assert held.shape == (8, 4)
+    for text, row in zip(texts, held, strict=True):
+        if "hardly" in text or sign > 0:
+            assert (row > 0.85).all(), text
+        else:
+            assert (row < 0.15).all(), text
+
+
+def test_a_statement_needs_its_values_in_the_space():
+    one = exploration(
+        space={"n_pouches": [4, 8], "aspect_ratio": [1, 2], "stiffness_ratio": [0.5, 1.5]}, baseline=None, tolerance={}
+    )
+    designs = [written(one, d) for d in space_of(one).from_unit(sample(space_of(one), 24, 1))]
+    texts, _, held = shares(learned_of(one, designs, [as_the_paper_says(design, 1.0) for design in designs]))
+    assert all("E_hat" in text for text in texts), "AR = 2.5 and 3 are beyond the space"
+    assert len(texts) == len(held) == 5
+
+
+# --- both presets ---------------------------------------------------------------------------------------------------------
+
+
+def test_a_search_by_both_presets_goes_where_the_finer_one_is_better(project):
+    """By the finer preset efficiency falls with AR as much as it rises by the cheap one: nothing is proposed at high AR."""
+    one = exploration(goals={"efficiency_90ml": "maximise"}, constraints={}, worth=0)
+    space = space_of(one)
+    designs = [written(one, d) for d in space.from_unit(sample(space, 32, 1))]
+
+    def told(design, slope):
+        return Told("converged", "", {"efficiency_90ml": 0.5 + slope * design["aspect_ratio"]}, {"efficiency_90ml": 0.0})
+
+    cheap = learned_of(one, designs, [told(design, 0.1) for design in designs])
+    fine = learned_of(one, designs[:8], [told(design, -0.1) for design in designs[:8]])
+    by_cheap = propose(space, cheap.knowledge(), 4, 1)
+    by_both = propose(space, Corrected(cheap, fine).knowledge(), 4, 1)
+    column = space.names.index("aspect_ratio")
+    assert by_cheap.places[0, column] > 0.7
+    assert by_both.places[0, column] < 0.3
+    assert Corrected(cheap, learned_of(one, designs[:3], [told(d, -0.1) for d in designs[:3]])).knowledge() is None
+
+
+def test_an_added_value_of_the_finer_preset_is_met(project):
+    places = sample(space_of(exploration()), 24, 3)
+    low = Process(places, places.sum(axis=1), None, 1)
+    both = TwoFidelities(low, places[:8], places[:8].sum(axis=1) + 1, None, 1)
+    more = both.with_values(places[8:10], np.array([9.0, 8.0]))
+    assert more.predict(places[8:10])[0] == pytest.approx([9.0, 8.0], abs=0.05)
+    assert both.predict(places[8:10])[0] == pytest.approx(places[8:10].sum(axis=1) + 1, abs=0.05)
+
+
+# --- what is kept ---------------------------------------------------------------------------------------------------------
+
+
+def test_a_kept_dataset_teaches_the_same_again(searched, project):
+    results, one = searched
+    learned, tested = learned_and_held_out(results, one)
+    dataset = dataset_of(learned, tested, *solved_finely(one, results, "best"), project.devices["limo"])
+    again = known_from(dataset)
+    assert again.places == pytest.approx(learned.places)
+    assert again.process("stroke_volume").predict(tested.places)[0] == pytest.approx(
+        learned.process("stroke_volume").predict(tested.places)[0]
+    )
+    assert held_out_of(dataset).places == pytest.approx(tested.places)
+
+
+def test_a_search_is_compared_with_samples_alone(searched, project, tmp_path):
+    """Both are explorations of the same space; that without a search spends its budget on samples."""
+    results, one = searched
+    found, by_chance = Results(tmp_path), exploration(budget={"shells": 48, "standard": 1}, first=48, held_out=0)
+    rounds = search(project, found, by_chance)
+    assert [len(each) for each in rounds] == [48, 1]
+    datasets = []
+    for where, asked in ((results, one), (found, by_chance)):
+        datasets.append(
+            dataset_of(*learned_and_held_out(where, asked), *solved_finely(asked, where, "best"), project.devices["limo"])
+        )
+    text = beside_chance(*datasets)
+    assert "48 designs of the search beside 48 samples" in text
+    row = next(line for line in text.splitlines() if line.startswith("| the worst design"))
+    assert float(row.split("|")[-2]) > 1.0, "the search dominates more"
+    shared = {json.dumps(d, sort_keys=True) for d in learned_and_held_out(results, one)[0].designs}
+    unseen = sum(json.dumps(d, sort_keys=True) not in shared for d in rounds[0].values())
+    assert f"predict the {unseen} of these samples" in text
