@@ -13,7 +13,7 @@ from limo.config.load import load_config
 from limo.config.yaml_file import parse
 from limo.errors import ConfigError, LimoError, ResultError
 from limo.explore.claims import shares
-from limo.explore.designs import can_be_made, check_designs, own_design, project_of, space_of, study_of, written
+from limo.explore.designs import can_be_made, check_designs, largest_volume, own_design, project_of, space_of, study_of, written
 from limo.explore.found import dataset_of, held_out_of, known_from
 from limo.explore.learn import Corrected, quality_of
 from limo.explore.recommend import recommended, robust
@@ -99,6 +99,8 @@ def test_what_cannot_be_is_one_message(tmp_path, changes, words):
         ({"constraints": {"beauty": "none"}}, "constraints.beauty"),
         ({"budget": {"shells": 48, "exact": 5}}, "preset"),
         ({"device": "heart"}, "device"),
+        ({"constraints": {"stroke_volume": ">= 500"}}, "constraints.stroke_volume"),
+        ({"constraints": {"efficiency_90ml": ">= 1"}}, "constraints.efficiency_90ml"),
         ({"at": {"ventricular_pressure": [13.8], "actuation_pressure_max": 10}}, "actuation_pressure_max"),
     ],
     ids=lambda x: str(x)[:40],
@@ -108,6 +110,16 @@ def test_what_the_project_does_not_have_is_refused_before_anything_is_solved(pro
         check_designs(project, exploration(**changes), tmp_path / "best.yaml")
     assert error.value.key == key
     assert error.value.example
+
+
+def test_no_device_holds_more_than_a_sphere_of_its_fabric(project):
+    """The device holds 300 ml; its bound grows with the area."""
+    pattern = project.devices["limo"].pattern
+    most = largest_volume(pattern, 8)
+    assert 350 < most < 480
+    assert largest_volume(pattern, 4) == pytest.approx(most, rel=2e-3), "the outline is that of all devices"
+    wider = pattern.model_copy(update={"width_scale": 1.1})
+    assert 1.1 < largest_volume(wider, 8) / most < 1.1**1.5, "all but the valve edge is wider"
 
 
 def test_explorations_of_the_project_are_sound_and_none_has_the_name_of_a_study(project, root, tmp_path):
