@@ -1,4 +1,4 @@
-"""The generated parts of ``docs/geometry.md``: the derived outline, what its mesh counts, and what remains free."""
+"""The generated parts of ``docs/geometry.md``: the derived outline, counts of its mesh, what remains free, unknown seams."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ from limo.reports.markdown import markdown_table, read_rows
 
 #: kept by ``limo derive-outline --table``
 TABLE = Path("docs/data/outline.csv")
+#: kept by ``limo infer --table``
+INFERRED = Path("docs/data/inference.csv")
 _COLUMNS = ("kind", "name", "value", "low", "high", "published")
 
 
@@ -20,7 +22,10 @@ def parts(root: Path) -> dict[str, Callable[[], str]]:
     def rows() -> pd.DataFrame:
         return read_rows(root / TABLE, "a derived outline", _COLUMNS).set_index("name")
 
-    return {"outline": lambda: _outline(rows()), "counts": lambda: _counts(rows())}
+    def inferred() -> pd.DataFrame:
+        return read_rows(root / INFERRED, "an inference", ("kind", "name", "inferred", "chance"), keep_default_na=False)
+
+    return {"outline": lambda: _outline(rows()), "counts": lambda: _counts(rows()), "seams": lambda: _seams(inferred())}
 
 
 def _outline(rows: pd.DataFrame) -> str:
@@ -52,3 +57,37 @@ def _counts(rows: pd.DataFrame) -> str:
     nodes = rows.loc["nodes"]
     sentence = f"The whole mesh would have {int(nodes.value)} nodes; the published one has {int(nodes.published)}."
     return f"{markdown_table(table)}\n\n{sentence}"
+
+
+def _seams(rows: pd.DataFrame) -> str:
+    """What is believed of seams and numbers of pouches, and how likely each statement is before and after."""
+    positions = rows[rows.kind == "position"]
+    places = pd.DataFrame(
+        {
+            "seam": positions.name,
+            "rule": positions.prior,
+            "believed": positions.inferred + " ± " + positions.deviation,
+            "90 % between": positions.low + " and " + positions.high,
+        }
+    )
+    pouches = [
+        f"{row['name']}: {row['inferred']}, believed at {100 * float(row['chance']):.0f} %"
+        for _, row in rows[rows.kind == "pouches"].iterrows()
+    ]
+    about = rows[(rows.kind == "statement") & rows.inference.isin(["used", "held out"])]
+    statements = pd.DataFrame(
+        {
+            "statement": about.name,
+            "inference": about.inference,
+            "with the rule": about.prior,
+            "most likely": about.inferred,
+            "reproduced by the prior [%]": [_percent(value) for value in about.chance_before],
+            "by the belief [%]": [_percent(value) for value in about.chance],
+        }
+    )
+    tables = [markdown_table(places), f"{'; '.join(pouches)}." if pouches else "", markdown_table(statements)]
+    return "\n\n".join(table for table in tables if table)
+
+
+def _percent(value: str) -> str:
+    return f"{100 * float(value):.0f}" if value else ""
