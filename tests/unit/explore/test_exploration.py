@@ -474,3 +474,22 @@ def test_a_search_is_compared_with_samples_alone(searched, project, tmp_path):
     shared = {json.dumps(d, sort_keys=True) for d in learned_and_held_out(results, one)[0].designs}
     unseen = sum(json.dumps(d, sort_keys=True) not in shared for d in rounds[0].values())
     assert f"predict the {unseen} of these samples" in text
+
+
+def test_every_variable_is_in_the_document_with_its_dimensions(searched, project, root):
+    results, one = searched
+    dataset = dataset_of(*learned_and_held_out(results, one), *solved_finely(one, results, "best"), project.devices["limo"])
+    section = (root / "docs/results.md").read_text(encoding="utf-8").split("## `exploration.nc`")[1].split("\n## ")[0]
+    rows = [[cell.strip() for cell in line.split("|")[1:5]] for line in section.splitlines() if line.startswith("| `")]
+    told = {name.strip("`"): dims for name, dims, *_ in rows}
+    names = {name: "INPUT" for name in space_of(one).names} | {name: "QUANTITY" for name in (*one.goals, *one.constraints)}
+    missing = []
+    for name, variable in dataset.variables.items():
+        plain = name
+        for own, word in names.items():
+            plain = plain.replace(own, word)
+        group = plain.removeprefix("tested_").removeprefix("recommended_")
+        dims = told.get(plain) or told.get(group, "-").replace("design", variable.dims[0] if variable.dims else "")
+        if dims != ", ".join(map(str, variable.dims)):
+            missing.append((name, variable.dims))
+    assert not missing
