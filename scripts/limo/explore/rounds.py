@@ -14,7 +14,8 @@ from typing import Any
 from limo.config.load import read_section
 from limo.config.project import Project
 from limo.errors import ConfigError, ResultError
-from limo.explore.designs import check_designs, studies_of, with_studies
+from limo.explore.checks import check_designs
+from limo.explore.designs import studies_of, with_studies
 from limo.schema.exploration import Exploration
 from limo.schema.study import Study
 from limo.store.files import read_json, write_json

@@ -23,7 +23,7 @@ SCRIPTS = Path(__file__).parents[2]
 #: plumbing: rooms and modules whose decisions, such as builds, stand in the parameters of the rules, or decide no result
 PLUMBING = (
     *("limo.errors", "limo.door", "limo.store", "limo.config", "limo.cases"),
-    *("limo.engines.find", "limo.engines.calculix.build", "limo.engines.newton.build"),
+    *("limo.explore.checks", "limo.engines.find", "limo.engines.calculix.build", "limo.engines.newton.build"),
 )
 #: a file says what it may hold, and what it holds stands in the parameters: only methods of such classes compute something
 VALUES = "limo.schema"

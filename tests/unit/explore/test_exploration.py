@@ -12,8 +12,9 @@ from limo.cases.grid import study_cases
 from limo.config.load import load_config
 from limo.config.yaml_file import parse
 from limo.errors import ConfigError, LimoError, ResultError
+from limo.explore.checks import check_designs, largest_volume
 from limo.explore.claims import shares
-from limo.explore.designs import can_be_made, check_designs, largest_volume, own_design, project_of, space_of, study_of, written
+from limo.explore.designs import can_be_made, own_design, project_of, space_of, study_of, written
 from limo.explore.found import dataset_of, held_out_of, known_from
 from limo.explore.learn import Corrected, quality_of
 from limo.explore.recommend import recommended, robust

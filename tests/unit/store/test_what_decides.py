@@ -18,7 +18,7 @@ SOLVE = {"solve_case calculix", "solve_case newton"}
 AIRBAG = {"solve_airbag calculix", "solve_airbag newton"}
 SCALING = {"measure_scaling calculix", "measure_scaling newton"}
 #: what is computed of displacements, by these rules
-OF_FRAMES = {"measure_case", "gather_shapes", "write_fields", "write_page"}
+OF_FRAMES = {"measure_case", "gather_shapes", "write_fields", "write_page", "report_exploration"}
 ERRORS = {"gather_accuracy", "keep_runs"}
 #: a definition -> the rules and figures whose results it decides
 DECIDES = {
@@ -38,12 +38,12 @@ DECIDES = {
     "engines.newton.pardiso:elimination_order": {"solve_case newton", "solve_airbag newton", "measure_scaling newton"},
     "solve.judge:verdict": SOLVE,
     "measure.fatigue:cycles_to_failure": {"measure_case", "write_fields", "write_page", "figure cycles", "figure strain_life"},
-    "measure.strain:streamlines": {"gather_shapes", "write_fields"},
-    "measure.contact:crossings": {"measure_case", "gather_shapes"},
+    "measure.strain:streamlines": {"gather_shapes", "write_fields", "report_exploration"},
+    "measure.contact:crossings": {"measure_case", "gather_shapes", "report_exploration"},
     "measure.efficiency:works": {"gather_study", "tell_designs", *ERRORS},
     "datasets.curves:curves": {"gather_study", "tell_designs", *ERRORS},
     "datasets.export:tidy": {"export_study"},
-    "datasets.shapes:gather_shapes": {"gather_shapes"},
+    "datasets.shapes:gather_shapes": {"gather_shapes", "report_exploration"},
     "accuracy.surfaces:sampled": ERRORS,
     "accuracy.errors:errors_of": {"gather_accuracy"},
     "reliability.stress_test:gather_stress_test": {"stress_test"},
@@ -57,6 +57,7 @@ DECIDES = {
     "explore.search:improvement": {"propose_designs"},
     "explore.telling:violation": {"propose_designs", "report_exploration"},
     "explore.sensitivity:indices": {"report_exploration"},
+    "explore.claims:shares": {"report_exploration"},
     "figures.style:curve": {
         *(f"figure {name}" for name in ("afterload", "buckling", "design", "pressure_volume")),
         "report_exploration",
