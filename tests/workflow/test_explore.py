@@ -24,9 +24,8 @@ SMALL = {
 }
 
 
-@pytest.fixture(scope="module")
-def explored(tmp_path_factory):
-    project = make_project(tmp_path_factory.mktemp("explore"))
+def write_small(project, **changes) -> None:
+    """An exploration of a project, by two presets on tiny meshes."""
     mesh = {"level": "tiny", "symmetry": "quarter"}
 
     def presets(config):
@@ -36,7 +35,13 @@ def explored(tmp_path_factory):
         }
 
     project.edit("config.yaml", presets)
-    (project.folder / "config/explorations/small.yaml").write_text(yaml.safe_dump(SMALL))
+    (project.folder / "config/explorations/small.yaml").write_text(yaml.safe_dump(SMALL | changes))
+
+
+@pytest.fixture(scope="module")
+def explored(tmp_path_factory):
+    project = make_project(tmp_path_factory.mktemp("explore"))
+    write_small(project)
     run(project, "small")
     return project
 

@@ -27,6 +27,7 @@ from tests.helpers.slurm import daemons, lacks, one_folder_slurm
 from tests.helpers.snakemake import Started, start_snakemake
 
 from .conftest import ROOT, Project, make_project
+from .test_explore import write_small
 
 pytestmark = pytest.mark.skipif(bool(lacks()), reason=f"sweeps on Slurm are not tested: there is no {lacks()}")
 PATIENCE = 300.0  # s; machines are shared
@@ -91,10 +92,10 @@ def quick(tmp_path_factory) -> Path:
     return folder
 
 
-def start(project, quick, *options: str) -> Started:
+def start(project, quick, *options: str, target: str = "tiny") -> Started:
     """A sweep in a process group of its own."""
     (project.folder / "snakemake.log").unlink(missing_ok=True)
-    words = ("--snakefile", ROOT / "Snakefile", "--workflow-profile", quick, "tiny", *options)
+    words = ("--snakefile", ROOT / "Snakefile", "--workflow-profile", quick, target, *options)
     words += ("--config", f"file={project.config_file}")
     return start_snakemake(*words, folder=project.folder, log=project.folder / "snakemake.log")
 
@@ -235,6 +236,27 @@ def test_a_sweep_on_slurm_gives_what_a_local_one_gives_and_is_seen_meanwhile(tin
     xr.testing.assert_identical(here, there)
     assert sorted(map(str, here.case_status.values.ravel())) == ["converged", "converged", "diverged", "diverged"]
     assert list(Results(project.folder / "results").slurm_logs.rglob("*.log")) == []
+
+
+def test_an_exploration_goes_round_by_round_on_slurm(cluster, quick, tmp_path):
+    """Its designs are jobs as all cases are; what each round proposes is learned from those before."""
+    project = tiny_project(tmp_path / "project", 1)
+    write_small(
+        project,
+        space={"n_pouches": 4, "aspect_ratio": [1.5, 2.5]},
+        budget={"quick": 6, "finer": 1},
+        first=4,
+        held_out=0,
+        baseline=None,
+    )
+    with ended(start(project, quick, target="small"), project) as sweep:
+        assert sweep.wait(PATIENCE) == 0, said(project)
+    with xr.open_dataset(project.folder / "results/explorations/small/exploration.nc") as dataset:
+        assert dataset.sizes["design"] == 6
+        assert dataset.status.isin(["converged", "degraded"]).all()
+        assert (dataset.sizes["recommended"], str(dataset.recommended_status.values[0])) == (1, "converged")
+    submitted = said(project).count("has been submitted with SLURM jobid")
+    assert submitted >= 7, "each design is a job"
 
 
 def test_twenty_cases_with_a_stand_in_for_the_solve(cluster, quick, tmp_path):
