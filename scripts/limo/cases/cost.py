@@ -36,6 +36,8 @@ STILL, PER_KPA, PER_POUCH, LEAST_PER_KPA = 300, 45.0, 2.6, 10.0
 STILL_SHARE = {"calculix": (0.17, 0.09), "newton": (0.31, 0.0)}
 #: weight of the prior among finished cases, and how far (kPa, 1) a case may differ from another and still tell about it
 PRIOR_WEIGHT = 0.3
+#: ``SIZE_REACH``: by how many doublings of its size a case may differ until the factor of others says little of it
+SIZE_REACH = 1.5
 REACH = {"n_pouches": 1.5, "ventricular_pressure": 5.0, "actuation_pressure_max": 30.0, "aspect_ratio": 0.7}
 
 
@@ -63,8 +65,13 @@ def memory_mib(case: Case) -> float:
 
 
 def _place(case: Mapping[str, Any]) -> list[float]:
-    """Where a case lies among others, in units of what tells them apart. Its size is left to the prior."""
-    return [*(case[name] / reach for name, reach in REACH.items()), float(np.log2(case["stiffness_ratio"]))]
+    """Where a case lies among others, in units of what tells them apart; its size comes first."""
+    part = case["mesh_level"]["degrees_of_freedom"] * PART[case["mesh"]["symmetry"]]
+    return [
+        float(np.log2(part)) / SIZE_REACH,
+        *(case[name] / reach for name, reach in REACH.items()),
+        float(np.log2(case["stiffness_ratio"])),
+    ]
 
 
 def _kind(case: Mapping[str, Any]) -> tuple:
@@ -89,15 +96,19 @@ def predict(cases: Iterable[Case], solved: Iterable[Solved] = ()) -> list[float]
 
 
 def _factor(case: Mapping[str, Any], known: tuple[np.ndarray, np.ndarray] | None) -> float:
-    """By how much the prior is off for a case: the mean over all that is known of its kind, refined by what is near it.
+    """By how much the prior is off for a case: the mean over all of its kind and about its size, refined by what is near it.
 
-    ``known``: places (n, 5) of finished cases of the kind, and logarithms (n,) of how far the prior was off.
+    ``known``: places (n, 6) of finished cases of the kind, and logarithms (n,) of how far the prior was off. What a small case
+    takes beside its iterations would make a large one look many times too dear, so sizes count from the start.
     """
     if known is None:
         return 1.0
     places, errors = known
-    everywhere = errors.sum() / (len(errors) + PRIOR_WEIGHT)
-    near = np.exp(-0.5 * ((places - _place(case)) ** 2).sum(axis=1))
+    away = (places - _place(case)) ** 2
+    alike = np.exp(-0.5 * away[:, 0])
+    # however many small ones there are, they tell no more of a large one than the largest of them may
+    everywhere = alike.max() * len(errors) / (len(errors) + PRIOR_WEIGHT) * (alike * errors).sum() / max(alike.sum(), 1e-300)
+    near = np.exp(-0.5 * away.sum(axis=1))
     return float(np.exp(everywhere + (near * (errors - everywhere)).sum() / (near.sum() + PRIOR_WEIGHT)))
 
 

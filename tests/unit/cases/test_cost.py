@@ -67,6 +67,15 @@ def test_finished_cases_correct_the_prior(make_case):
     assert other / prior_seconds(make_case(n_pouches=10).to_dict()) == pytest.approx(3.0, rel=0.1)
 
 
+def test_small_cases_tell_little_about_large_ones(make_case):
+    """Previews that took three times their prior do not make a case at `medium` three times as dear."""
+    small = [at_level(make_case, 21000, n_pouches=n) for n in (4, 6, 8, 10)]
+    known = [solved(case, 3 * prior_seconds(case.to_dict())) for case in small]
+    large, again = at_level(make_case, 250000), at_level(make_case, 21000)
+    assert predict([again], known)[0] == pytest.approx(3 * prior_seconds(again.to_dict()), rel=0.25)
+    assert predict([large], known)[0] < 1.5 * prior_seconds(large.to_dict())
+
+
 def test_a_near_case_tells_more_than_a_far_one(make_case):
     known = [
         solved(make_case(n_pouches=n), f * prior_seconds(make_case(n_pouches=n).to_dict())) for n, f in ((4, 4.0), (10, 0.5))
