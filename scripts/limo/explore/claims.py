@@ -71,7 +71,7 @@ def shares(learned: Learned) -> tuple[list[str], list[float], np.ndarray]:
                 line[:, column] = units
                 if "n_pouches" in inputs:
                     line[:, learned.space.names.index("n_pouches")] = inputs["n_pouches"].to_unit(number)
-                held.append(claim.holds(process.drawn(line, DRAWN, random)).mean())
+                held.append(claim.holds(process.drawn(learned.space.snapped(line), DRAWN, random)).mean())
             found[row, k] = np.mean(held)
     return [claim.text for claim in known], numbers, found
 

@@ -16,7 +16,7 @@ from limo.errors import ConfigError
 from limo.explore.space import Design, Input, Space
 from limo.measure.quantities import MEASURES
 from limo.schema.device import Device, Pattern
-from limo.schema.exploration import Exploration
+from limo.schema.exploration import ON_AXIS, Exploration
 from limo.schema.study import Study, Variant
 
 #: decimals of inputs: designs are written down, made again and named by them
@@ -48,7 +48,9 @@ def space_of(exploration: Exploration) -> Space:
     """The inputs of an exploration: numbers of pouches first, of one alone nothing."""
     numbers = tuple(float(n) for n in exploration.space.numbers)
     first = (Input("n_pouches", values=numbers),) if len(numbers) > 1 else ()
-    return Space(first + tuple(Input(name, low, high) for name, (low, high) in exploration.space.continuous.items()))
+    moved = tuple(n for n in numbers if n > ON_AXIS) if min(numbers) <= ON_AXIS else ()
+    ranges = exploration.space.continuous.items()
+    return Space(first + tuple(Input(n, *ends, acts_with=moved if n == "seam_shift" else ()) for n, ends in ranges))
 
 
 def written(exploration: Exploration, design: Design) -> dict[str, float]:

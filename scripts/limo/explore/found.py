@@ -196,8 +196,9 @@ def _effects(learned: Learned, explained: Sequence[str]) -> Data:
     for i, each in enumerate(learned.space.inputs):
         for s, step in enumerate(_steps(learned, i)):
             at[i, s] = each.from_unit(float(step))
-            places = learned.space.snapped(random)
+            places = random.copy()
             places[:, i] = step
+            places = learned.space.snapped(places)
             for q, name in enumerate(explained):
                 values = learned.process(name).predict(places)[0]
                 mean[q, i, s], (low[q, i, s], high[q, i, s]) = values.mean(), np.quantile(values, (0.1, 0.9))
@@ -225,6 +226,7 @@ def _slices(learned: Learned, explained: Sequence[str], device: Device | None) -
             steps = _steps(learned, i)
             places = np.repeat(place[None], len(steps), axis=0)
             places[:, i] = steps
+            places = learned.space.snapped(places)
             for q, name in enumerate(explained):
                 found = learned.process(name).predict(places)
                 mean[q, line, i, : len(steps)], deviation[q, line, i, : len(steps)] = found
@@ -255,8 +257,9 @@ def _pairs(learned: Learned, explained: Sequence[str], second: np.ndarray) -> Da
         for side, (k, places) in enumerate(zip((i, j), along, strict=True)):
             at[q, side, : len(places)] = [learned.space.inputs[k].from_unit(float(x)) for x in places]
         for a, x in enumerate(along[0]):
-            places = np.repeat(learned.space.snapped(random), len(along[1]), axis=0)
+            places = np.repeat(random, len(along[1]), axis=0)
             places[:, i], places[:, j] = x, np.tile(along[1], PAIR_OVER)
+            places = learned.space.snapped(places)
             values = learned.process(name).predict(places)[0].reshape(PAIR_OVER, -1)
             mean[q, a, : len(along[1])] = values.mean(axis=0)
     return {

@@ -53,6 +53,7 @@ def robust(learned: Learned) -> int | None:
     for number in numbers:
         about = np.clip(learned.places[number] + random * spread, 0, 1 - 1e-9)
         about[:, spread == 0] = learned.places[number, spread == 0]
+        about = learned.space.snapped(about)
         means = [goal.predict(about)[0] for goal in knowledge.goals]
         rated.append([mean.mean() + mean.std() for mean in means])
         likely.append(float(knowledge.feasible(about).mean()))

@@ -16,12 +16,16 @@ Design = Mapping[str, float]
 
 @dataclass(frozen=True)
 class Input:
-    """One input: ``values`` of a category in rising order, or ``low`` and ``high`` of a range."""
+    """One input: ``values`` of a category in rising order, or ``low`` and ``high`` of a range.
+
+    ``acts_with``: the numbers of pouches with which it does something; without any it always does.
+    """
 
     name: str
     low: float = 0.0
     high: float = 0.0
     values: tuple[float, ...] = ()
+    acts_with: tuple[float, ...] = ()
 
     def to_unit(self, value: float) -> float:
         """Where a value lies between 0 and 1. Raises ``ValueError`` for no value of a category."""
@@ -55,10 +59,18 @@ class Space:
         return [{each.name: each.from_unit(float(x)) for each, x in zip(self.inputs, row, strict=True)} for row in places]
 
     def snapped(self, places: np.ndarray) -> np.ndarray:
-        """Places (n, d) with categories in the middle of their share: those of designs that can be made."""
+        """Places (n, d) with categories in the middle of their share: those of designs that can be made.
+
+        An input that does nothing with a number of pouches is 0 there, or in its middle, so that no device has two places.
+        """
         result = np.array(places, float)
         for k, each in enumerate(self.inputs):
             if each.values:
                 count = len(each.values)
                 result[:, k] = (np.minimum((result[:, k] * count).astype(int), count - 1) + 0.5) / count
+        for k, each in enumerate(self.inputs):
+            if each.acts_with and "n_pouches" in self.names:
+                pouches = self.inputs[self.names.index("n_pouches")]
+                acts = np.isin([pouches.from_unit(x) for x in result[:, self.names.index("n_pouches")]], each.acts_with)
+                result[~acts, k] = each.to_unit(0.0) if each.low <= 0 <= each.high else 0.5
         return result

@@ -13,6 +13,8 @@ from limo.schema.study import Pouches, Pressure
 #: a constraint: a bound, or that something never happens
 BOUND = re.compile(r"^\s*(>=|<=)\s*(-?\d+(?:\.\d*)?)\s*$")
 NEVER = "none"
+#: up to so many pouches a device has no seam off the axis
+ON_AXIS = 4
 #: designs by the finer preset from which on it is learned from
 LEARNED_FROM = 4
 #: why the device of ``baseline`` is among the recommended ones
@@ -67,6 +69,8 @@ class Ranges(Section):
     def _not_empty(self) -> Ranges:
         if len(self.numbers) == 1 and not self.continuous:
             raise ValueError("one range at least, or several numbers of pouches; such as aspect_ratio: [1, 3]")
+        if self.seam_shift and max(self.numbers) <= ON_AXIS:
+            raise ValueError(f"seam_shift with more than {ON_AXIS} pouches, for others have no seam off the axis")
         return self
 
     @property

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from limo.config.yaml_file import parse
 from limo.errors import ConfigError, LimoError, ResultError
 from limo.explore.checks import check_designs, largest_volume
 from limo.explore.claims import shares
-from limo.explore.designs import can_be_made, own_design, project_of, space_of, study_of, written
+from limo.explore.designs import can_be_made, own_design, project_of, space_of, study_of, with_studies, written
 from limo.explore.found import dataset_of, held_out_of, known_from
 from limo.explore.learn import Corrected, quality_of
 from limo.explore.recommend import recommended, robust
@@ -494,3 +495,21 @@ def test_every_variable_is_in_the_document_with_its_dimensions(searched, project
         if dims != ", ".join(map(str, variable.dims)):
             missing.append((name, variable.dims))
     assert not missing
+
+
+def test_a_device_without_seams_off_the_axis_has_one_place(project):
+    """Four pouches have a seam on the axis alone: to move it is to do nothing, and no budget is spent on that."""
+    one = exploration()
+    space = space_of(one)
+    designs = space.from_unit(sample(space, 64, 1))
+    shifts = {n: {d["seam_shift"] for d in designs if d["n_pouches"] == n} for n in (4, 6)}
+    assert len(shifts[6]) > 10
+    assert [round(shift, 9) for shift in shifts[4]] == [0.0]
+    two = [
+        study_of(one, written(one, designs[0] | {"n_pouches": 4, "seam_shift": s}), "shells", project.devices["limo"])
+        for s in (0, 0.1)
+    ]
+    cases = [next(iter(study_cases(with_studies(project, {"d": each}), "d").values())) for each in two]
+    assert cases[0].case_id == cases[1].case_id, "it is one device"
+    with pytest.raises(ConfigError, match="no seam off the axis"):
+        parse(Exploration, CONTENT | {"space": {"n_pouches": 4, "seam_shift": [-0.1, 0.1]}}, Path("best.yaml"))
