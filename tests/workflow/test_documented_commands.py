@@ -50,7 +50,7 @@ REPLACEMENTS = {
     "limo show np6 --picture": "limo show np4 --picture",
     "limo show np6 pv3.8 --at 10 20 30 --picture": "limo show np4 pv3.8 --at 5 10 --picture",
     "limo compare np4 np6": "limo compare np2 np4",
-    "limo infer --data results/studies --table docs/data/inference.csv": "limo infer --help",
+    "limo infer --data results/studies --table docs/data/inference.csv": f"{in_bin('limo')} infer --help",
     "limo measured bag": "limo measured pressure_volume --data config/measured/curves_synthetic.csv",
     "limo table results/studies/thick/study.nc": "limo table results/studies/pressure_volume/study.nc",
 }
