@@ -111,7 +111,7 @@ def infer(file: Path, data: Path) -> pd.DataFrame:
     found = inferred_seams(file, asked, data)
     belief = found.belief
     rows = [
-        {"kind": "position", "name": name, "study": asked.seams, "prior": prior, "inferred": value}
+        {"kind": "position", "name": name, "study": asked.seams, "prior": prior, "inferred": float(f"{value:.3g}")}
         | {"deviation": deviation, "low": low, "high": high}
         for name, prior, value, deviation, low, high in zip(
             belief.space.names, found.first, belief.mean, belief.deviation, *belief.interval, strict=True
