@@ -17,7 +17,7 @@ from limo.explore.steps import learned_of
 from limo.explore.telling import Told
 from limo.measure.quantities import MEASURES
 from limo.schema.device import Device
-from limo.schema.exploration import NEVER, SEARCHED_FINELY, Exploration
+from limo.schema.exploration import AS_IT_IS, NEVER, SEARCHED_FINELY, Exploration
 
 #: points of an effect over an input, designs that each is a mean of, and as many of a pair of inputs
 STEPS, OVER, PAIR_STEPS, PAIR_OVER = 21, 256, 13, 64
@@ -27,9 +27,7 @@ UNITS = {"n_pouches": "1", "aspect_ratio": "1", "stiffness_ratio": "1", "thickne
 Data = dict[str, tuple]
 
 
-def dataset_of(
-    learned: Learned, held_out: Learned, fine: Learned, why: Mapping[str, str], device: Device | None = None
-) -> xr.Dataset:
+def dataset_of(learned: Learned, held_out: Learned, fine: Learned, why: Mapping[str, str], device: Device) -> xr.Dataset:
     """Designs of both presets with their inputs and quantities; effects, indices, slices and quality of the surrogates.
 
     ``why``: of each design of ``fine``, by its name, why it is there; ``device``: that of the slices, unless it lies outside.
@@ -211,12 +209,11 @@ def _effects(learned: Learned, explained: Sequence[str]) -> Data:
     }
 
 
-def _slices(learned: Learned, explained: Sequence[str], device: Device | None) -> Data:
+def _slices(learned: Learned, explained: Sequence[str], device: Device) -> Data:
     """The surrogates with their standard deviations along each input, through the device as it is and the front's turn."""
     through: dict[str, np.ndarray] = {}
-    own = own_design(learned.exploration, device) if device is not None else None
-    if own is not None:
-        through["the device as it is"] = learned.space.to_unit([own])[0]
+    if (own := own_design(learned.exploration, device)) is not None:
+        through[AS_IT_IS] = learned.space.to_unit([own])[0]
     if len(learned.front):
         through["where the front turns"] = learned.places[learned.front[knee(learned.goals[learned.front])]]
     shape = len(explained), len(through), len(learned.space.inputs), STEPS

@@ -14,12 +14,14 @@ from limo.explore.learn import Corrected, Learned
 from limo.explore.recommend import recommended
 from limo.explore.rounds import count_of, is_fine, preset_of, round_designs
 from limo.explore.sampling import sample
-from limo.explore.search import propose
+from limo.explore.search import Knowledge, propose
 from limo.explore.telling import Told, tell
 from limo.schema.exploration import AS_IT_IS, HELD_OUT, SEARCHED_FINELY, Exploration
 from limo.store.files import read_json
 from limo.store.results import Results
 
+#: designs as they are written, by why they are there
+Proposed = dict[str, dict[str, float]]
 #: batches that are not worth it before the search ends
 PATIENCE = 2
 
@@ -52,13 +54,11 @@ def propose_round(project: Project, name: str, exploration: Exploration, number:
     }
 
 
-Proposed = dict[str, dict[str, float]]
-
-
 def _first(exploration: Exploration, own: dict[str, float] | None, allowed) -> Proposed:
     """Samples, the last of which makes room for the device as it is; then those that are held out."""
     space = space_of(exploration)
-    designs = [written(exploration, d) for d in space.from_unit(sample(space, exploration.rounds[0], exploration.seed, allowed))]
+    places = sample(space, exploration.rounds[0], exploration.seed, allowed)
+    designs = [written(exploration, design) for design in space.from_unit(places)]
     learned, tested = designs[: exploration.beginning], designs[exploration.beginning :]
     learned = [own, *learned[:-1]] if own else learned
     return {f"sample {k}": d for k, d in enumerate(learned)} | {f"{HELD_OUT} {k}": d for k, d in enumerate(tested)}
@@ -71,19 +71,22 @@ def _next(exploration: Exploration, learned: Learned, number: int, allowed) -> t
         begun = sum(exploration.rounds[:number])
         places = sample(learned.space, begun + count, exploration.seed, allowed)[begun:]
         return {f"sample {k}": written(exploration, d) for k, d in enumerate(learned.space.from_unit(places))}, []
-    proposal = propose(learned.space, knowledge, count, exploration.seed + 1000 * number, allowed)
-    designs = learned.space.from_unit(proposal.places)
-    return {f"search {k}": written(exploration, d) for k, d in enumerate(designs)}, proposal.expected.tolist()
+    return _searched(learned, knowledge, count, number, allowed, "search")
 
 
 def _finer(exploration: Exploration, corrected: Corrected, number: int, allowed) -> tuple[Proposed, list[float]]:
     """Designs that both presets together expect to add most to what the finer one solved; nothing where they know too little."""
     if (knowledge := corrected.knowledge()) is None:
         return {}, []
-    count, space = exploration.fine_rounds[-1], corrected.cheap.space
-    proposal = propose(space, knowledge, count, exploration.seed + 1000 * number, allowed)
+    return _searched(corrected.cheap, knowledge, exploration.fine_rounds[-1], number, allowed, f"{SEARCHED_FINELY},")
+
+
+def _searched(learned: Learned, known: Knowledge, count: int, number: int, allowed, why: str) -> tuple[Proposed, list[float]]:
+    """Designs that are expected to add most to what is known, and how much each of them is."""
+    exploration, space = learned.exploration, learned.space
+    proposal = propose(space, known, count, exploration.seed + 1000 * number, allowed)
     designs = space.from_unit(proposal.places)
-    return {f"{SEARCHED_FINELY}, {k + 1}": written(exploration, d) for k, d in enumerate(designs)}, (proposal.expected.tolist())
+    return {f"{why} {k + 1}": written(exploration, d) for k, d in enumerate(designs)}, proposal.expected.tolist()
 
 
 def is_over(exploration: Exploration, results: Results, name: str, number: int) -> bool:

@@ -147,12 +147,13 @@ def inferred_seams(file: Path, asked: Inference, data: Path) -> Inferred:
     prior_place = np.array([[each.to_unit(f) for each, f in zip(space.inputs, first, strict=True)]])
     places = np.vstack([prior_place, sample(space, PLACES, 0)])
     verdicts: dict[str, list[str]] = {text: [] for text in about}
-    for place in space.from_unit(places):
+    designs = space.from_unit(places)
+    for place in designs:
         tried = with_seams(devices, studies, [np.array([place[name] for name in study.names]) for study in studies])
         for text, statement in about.items():
             verdicts[text].append(judged(statement, tried)[1])
     penalty = np.array([_penalty([verdicts[text][k] for text in used]) for k in range(len(places))])
-    values = np.array([list(place.values()) for place in space.from_unit(places)])
+    values = np.array([list(place.values()) for place in designs])
     prior = -0.5 * (((values - first) / asked.prior_spread) ** 2).sum(axis=1)
     return Inferred(posterior(space, places, prior, penalty), first, {text: np.array(each) for text, each in verdicts.items()})
 

@@ -175,7 +175,7 @@ class Exploration(Section):
             raise ValueError(
                 f"a budget of more than {2 * inputs} designs for {inputs} inputs; such as budget: {{shells: 120, ...}}"
             )
-        if self.tested and self.tested > self.searched // 2:
+        if self.tested > self.searched // 2:
             raise ValueError(
                 f"held_out of at most half of the budget of {self.searched} designs; such as held_out: {self.searched // 10}"
             )
