@@ -114,6 +114,25 @@ def test_layers_pass_each_other_by_less_than_a_twentieth_of_the_thickness(case, 
     assert residual(model, u, path.pressure[-1], precision="float64").full < 1e-3, "said by the independent check"
 
 
+def test_factors_that_couple_what_touches_follow_the_same_path_with_frames_or_without(case):
+    """Pouches open at P_v and lose their entries; a look at states beside the path leaves it as it is, to the bit."""
+    paths = []
+    for coupling, frames in (("all", ()), ("near", ()), ("near", (17.5, 20.5, 23.5))):
+        contact = Touch(front_back=True, endo_epi=True, coupling=coupling)
+        numerics = case.numerics.model_copy(update={"contact": contact})
+        model = device(replace(case, numerics=numerics), element="SHELL8R", maximum=24.0)
+        model = replace(model, loading=replace(model.loading, frames=frames))
+        path, _ = solved(model)
+        kept = [k for k, p in enumerate(path.pressure) if p not in frames]
+        paths.append((path, np.array([volume(model, path.displacements(k)) for k in kept]), path.displacements(kept[-1])))
+    (whole, volumes_of, _), (narrow, others, last), (looked, _, same) = paths
+    assert whole.details["patterns"] == 1
+    assert narrow.details["patterns"] > 1
+    np.testing.assert_allclose(others, volumes_of, rtol=1e-4, atol=0.01)
+    assert len(looked.pressure) == len(narrow.pressure) + 3
+    np.testing.assert_array_equal(same, last)
+
+
 def test_what_is_left_between_layers_halves_with_the_reach(case):
     left = []
     for penetration in (0.2, 0.1, 0.05):

@@ -106,7 +106,7 @@ class Touching:
     """
 
     def __init__(self, contact: Contact, rest: np.ndarray):
-        self.contact, self._rest = contact, rest
+        self.contact, self.rest = contact, rest
         local, weights = gauss(POINTS, 2)
         self.values, slopes = quad8_shape(local)
         self.slopes = np.ascontiguousarray(slopes[:, :, 0]), np.ascontiguousarray(slopes[:, :, 1])
@@ -115,7 +115,7 @@ class Touching:
         self.weights = weights
 
     def _areas(self, quads: np.ndarray) -> np.ndarray:
-        return np.linalg.norm(np.cross(*self._tangents(self._rest[quads])), axis=-1)
+        return np.linalg.norm(np.cross(*self._tangents(self.rest[quads])), axis=-1)
 
     def gaps(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """g in mm at places x (n, 3): of the plane (p, g), and of pairs (q, g)."""
@@ -146,9 +146,15 @@ class Touching:
         lower, upper = x[self.contact.lower], x[self.contact.upper]
         return np.einsum("gn,mnk->mgk", self.values, upper - lower), *self._tangents(0.5 * (lower + upper))
 
-    def _near(self, gaps: np.ndarray, weights: np.ndarray) -> np.ndarray:
-        """Numbers (a,) of pairs with gaps (q, g) below the reach at points that are not far from each other."""
-        return np.flatnonzero(((gaps < self.contact.reach) & (weights > 0)).any(axis=1))
+    def near(self, x: np.ndarray, beyond: float = 0.0) -> np.ndarray:
+        """Pairs (q,) that touch at places x (n, 3), or have a gap of less than ``beyond`` mm above the reach of the contact."""
+        parts = self._parts(x)
+        weight, _ = self.contact.weight((parts[0] ** 2).sum(axis=-1))
+        return self._touch(self._of_pairs(*parts), weight, beyond)
+
+    def _touch(self, gaps: np.ndarray, weights: np.ndarray, beyond: float = 0.0) -> np.ndarray:
+        """Pairs (q,) with gaps (q, g) below the reach at points that are not far from each other."""
+        return ((gaps < self.contact.reach + beyond) & (weights > 0)).any(axis=1)
 
     def energy(self, x: np.ndarray) -> float:
         """Pi_c in N mm at places x (n, 3)."""
@@ -160,12 +166,10 @@ class Touching:
 
     def forces(self, x: np.ndarray) -> np.ndarray:
         """dPi_c / dx (n, 3) in N: what the contact adds to the internal forces."""
-        total, contact, (delta, first, second) = np.zeros(x.shape), self.contact, self._parts(x)
-        plane, pairs = self._of_plane(x), self._of_pairs(delta, first, second)
+        total, contact, (delta, first, second) = self.forces_of_plane(x), self.contact, self._parts(x)
+        pairs = self._of_pairs(delta, first, second)
         weight, slope = contact.weight((delta**2).sum(axis=-1))
-        pushed = -np.einsum("gn,mg->mn", self.values, self.plane_area * contact.pressure(plane))
-        np.add.at(total[:, 2], self.contact.plane, pushed)
-        if (near := self._near(pairs, weight)).size:
+        if (near := np.flatnonzero(self._touch(pairs, weight))).size:
             delta, gaps = delta[near], pairs[near]
             push = -self.weights * weight[near] * contact.pressure(gaps)
             found = np.einsum("mg,mgnk->mnk", push, self._gradients(delta, first[near], second[near]))
@@ -173,6 +177,13 @@ class Touching:
             pulled = np.einsum("mg,gn,mgk->mnk", apart, self.values, delta)
             found += np.concatenate([-pulled, pulled], axis=1)
             np.add.at(total, np.hstack([self.contact.lower[near], self.contact.upper[near]]), found)
+        return total
+
+    def forces_of_plane(self, x: np.ndarray) -> np.ndarray:
+        """As ``forces``, of the plane of symmetry alone."""
+        total = np.zeros(x.shape)
+        pushed = -np.einsum("gn,mg->mn", self.values, self.plane_area * self.contact.pressure(self._of_plane(x)))
+        np.add.at(total[:, 2], self.contact.plane, pushed)
         return total
 
     def _gradients(self, delta: np.ndarray, first: np.ndarray, second: np.ndarray) -> np.ndarray:

@@ -13,6 +13,7 @@ Precision = Literal["single", "double"]
 
 
 GeometricStiffness = Literal["consistent", "mixed"]
+Coupling = Literal["near", "all"]
 
 
 #: largest multiple of P_v by which a device is fitted
@@ -170,10 +171,19 @@ class Touch(Section):
         description="how far layers pass each other under 100 kPa, and from which gap on they touch, over the thickness",
         examples=[0.05],
     )
+    coupling: Coupling = Field(
+        "near",
+        description="pairs of layers that a factor couples: near, those that touch or nearly do, anew as they part; all",
+        examples=["all"],
+    )
 
     def content(self) -> dict[str, Any]:
-        """Plain data by which results are named; nothing where no layers touch."""
-        return self.model_dump(mode="json") if self.front_back or self.endo_epi else {}
+        """Plain data by which results are named; nothing where no layers touch, nor the default coupling, which came later."""
+        if not (self.front_back or self.endo_epi):
+            return {}
+        return self.model_dump(
+            mode="json", exclude={"coupling"} if self.coupling == Touch.model_fields["coupling"].default else set()
+        )
 
 
 #: keys of ``Newton`` that came when results had names already, which they are to keep

@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from limo.engines.newton import kernels, woven_kernels
+from limo.engines.newton.contact import CompiledTouching
 from limo.engines.newton.faces import Faces
 from limo.errors import ResultError
 from limo.mechanics.constitutive import COMPONENTS, stress_of
@@ -64,7 +65,8 @@ class Assembly:
         self.stiffness = model.stiffness
         self.law = None if self.stiffness is None else woven_kernels.law_of(self.stiffness)
         self.faces = Faces(model, lambda load: shell.bricks[load.quads][:, SIDES[load.side]], shell.nodes, len(model.nodes))
-        self.touching = model.touching
+        touching = model.touching
+        self.touching = None if touching is None else CompiledTouching(touching.contact, touching.rest)
         self._placed: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
         self._known: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
         self._constrain()

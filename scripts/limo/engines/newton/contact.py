@@ -1,4 +1,4 @@
-"""What the contact of layers adds to a tangent."""
+"""What the contact of layers adds to forces and to a tangent, by compiled loops."""
 
 from __future__ import annotations
 
@@ -10,57 +10,102 @@ from scipy.sparse import csc_array
 from limo.engines.newton import contact_kernels
 from limo.engines.newton.entries import entries_of
 from limo.engines.newton.kernels import PAIRS
+from limo.mechanics.contact import Contact, Touching
 
 if TYPE_CHECKING:
     from limo.engines.newton.assembly import Assembly
     from limo.engines.newton.shell import Directors, ShellAssembly
     from limo.engines.newton.unknowns import Unknowns
-    from limo.mechanics.contact import Touching
+
+
+class CompiledTouching(Touching):
+    """As ``Touching``, with its loops over pairs compiled."""
+
+    def __init__(self, contact: Contact, rest: np.ndarray):
+        super().__init__(contact, rest)
+        self._pairs = tuple(np.ascontiguousarray(each, np.int64) for each in (contact.lower, contact.upper))
+        points = self.values, *self.slopes, self.pair_area, self.weights
+        self._points = tuple(np.ascontiguousarray(each) for each in points)
+
+    def forces(self, x: np.ndarray) -> np.ndarray:
+        total = self.forces_of_plane(x)
+        self._visit(x, 0.0, total)
+        return total
+
+    def near(self, x: np.ndarray, beyond: float = 0.0) -> np.ndarray:
+        return self._visit(x, beyond, np.zeros(x.shape)) > 0
+
+    def _visit(self, x: np.ndarray, beyond: float, total: np.ndarray) -> np.ndarray:
+        """Add the forces of pairs to ``total`` (n, 3); how near they are (q,)."""
+        contact, near = self.contact, np.empty(len(self.contact.lower), np.int64)
+        law = contact.penalty, contact.reach, contact.span, beyond
+        contact_kernels.pair_forces(np.ascontiguousarray(x), *self._pairs, *self._points, *law, total, near)
+        return near
 
 
 class ContactTangent:
-    """The tangent of an assembly's contact on unknowns; nothing where no layers touch.
-
-    ``keys``: row times size plus column of each entry that it needs in a pattern.
-    """
+    """The tangent of an assembly's contact on unknowns, of all pairs of layers or of some; nothing where no layers touch."""
 
     def __init__(self, assembly: Assembly | ShellAssembly, unknowns: Unknowns | Directors):
         self._matrix: csc_array | None = None
-        self.keys = np.empty(0, np.int64)
+        self._assembly = assembly
+        self.chosen = np.empty(0, bool)
         if assembly.touching is None:
             return
         contact = assembly.touching.contact
         pairs = np.hstack([contact.lower, contact.upper])
-        rows, columns, factors, sources, before = [], [], [], [], 0
-        for nodes, directions in ((contact.plane, ((2, 2),)), (pairs, PAIRS)):
-            slots, shares = unknowns.middle(nodes, assembly.model.expansion)
-            found = entries_of(slots, unknowns, directions, shares)
-            per, count = nodes.shape[1], len(directions)
-            element, n, part, m = np.unravel_index(found[3], (len(nodes), slots.shape[1], count, slots.shape[1]))
-            rows.append(found[0])
-            columns.append(found[1])
-            factors.append(found[2])
-            sources.append(before + ((element * per + n % per) * count + part) * per + m % per)
-            before += len(nodes) * per * count * per
-        self.keys = np.concatenate(rows).astype(np.int64) * unknowns.size + np.concatenate(columns)
-        self._entries = np.concatenate(factors), np.concatenate(sources), before
+        self._per = 16 * len(PAIRS) * 16
+        self._of_plane = self._entries(contact.plane, ((2, 2),), unknowns)
+        self._of_pairs = self._entries(pairs, PAIRS, unknowns)
+        self.chosen = np.ones(len(pairs), bool)
+
+    def _entries(self, nodes: np.ndarray, directions: tuple, unknowns: Unknowns | Directors) -> tuple[np.ndarray, ...]:
+        """Row times size plus column, factors and flat sources of the entries of the tangents of quadrilaterals or of pairs."""
+        slots, shares = unknowns.middle(nodes, self._assembly.model.expansion)
+        rows, columns, factors, found = entries_of(slots, unknowns, directions, shares)
+        per, count = nodes.shape[1], len(directions)
+        element, n, part, m = np.unravel_index(found, (len(nodes), slots.shape[1], count, slots.shape[1]))
+        sources = ((element * per + n % per) * count + part) * per + m % per
+        return rows.astype(np.int64) * unknowns.size + columns, factors, sources.astype(np.int32)
+
+    def choose(self, chosen: np.ndarray | None = None) -> np.ndarray:
+        """Keep the entries of pairs ``chosen`` (q,), by default of all; their places in a pattern, row times size plus column."""
+        if self._assembly.touching is None:
+            return np.empty(0, np.int64)
+        keys, factors, sources = self._of_pairs
+        self.chosen = np.ones(len(self.chosen), bool) if chosen is None else chosen
+        kept = self.chosen[sources // self._per]
+        number = np.cumsum(self.chosen) - 1
+        source = sources[kept]
+        source = number[source // self._per] * self._per + source % self._per
+        before = self._count_of_plane
+        self._keys = np.concatenate([self._of_plane[0], keys[kept]])
+        self._kept = np.concatenate([self._of_plane[1], factors[kept]]), np.concatenate([self._of_plane[2], before + source])
+        return self._keys
+
+    @property
+    def _count_of_plane(self) -> int:
+        return 64 * len(self._assembly.touching.contact.plane)
 
     def place(self, unique: np.ndarray) -> None:
-        """Look up where entries go in a pattern with rising keys ``unique``."""
-        if len(self.keys):
-            factors, sources, count = self._entries
-            places = np.searchsorted(unique, self.keys).astype(np.int32)
-            self._matrix = csc_array((factors, (places, sources.astype(np.int32))), shape=(len(unique), count))
+        """Look up where the entries that are kept go in a pattern with rising keys ``unique``."""
+        if self._assembly.touching is not None:
+            factors, sources = self._kept
+            places = np.searchsorted(unique, self._keys).astype(np.int32)
+            shape = len(unique), self._count_of_plane + int(self.chosen.sum()) * self._per
+            self._matrix = csc_array((factors, (places, sources.astype(np.int32))), shape=shape)
 
-    def add(self, values: np.ndarray, assembly: Assembly | ShellAssembly, u: np.ndarray) -> None:
+    def add(self, values: np.ndarray, u: np.ndarray) -> None:
         """Add the tangent at displacements u (n, 3) to the values of a pattern."""
         if self._matrix is not None:
-            tangents = tangent_of(assembly.touching, assembly.model.middle(u))
+            tangents = tangent_of(self._assembly.touching, self._assembly.model.middle(u), self.chosen)
             values[: self._matrix.shape[0]] += self._matrix @ np.concatenate([each.ravel() for each in tangents])
 
 
-def tangent_of(touching: Touching, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def tangent_of(touching: Touching, x: np.ndarray, chosen: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
     """d^2 Pi_c / dx^2 in N/mm at places x (n, 3): of the plane (p, 8, 8), directions z and z, and of pairs (q, 16, 6, 16).
+
+    ``chosen``: which pairs, by default all.
 
     The six: directions (0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2), the second of each with the last axis.
     """
@@ -68,9 +113,10 @@ def tangent_of(touching: Touching, x: np.ndarray) -> tuple[np.ndarray, np.ndarra
     plane = np.einsum("gn,mn->mg", values, x[contact.plane, 2])
     stiff = touching.plane_area * contact.stiffness(plane)
     of_plane = np.einsum("gn,gp,mg->mnp", values, values, stiff, optimize=True)
-    of_pairs = np.empty((len(contact.lower), 16, len(PAIRS), 16))
-    pairs = np.ascontiguousarray(contact.lower, np.int64), np.ascontiguousarray(contact.upper, np.int64)
-    points = values, *touching.slopes, touching.pair_area, touching.weights
+    chosen = slice(None) if chosen is None else chosen
+    pairs = tuple(np.ascontiguousarray(each[chosen], np.int64) for each in (contact.lower, contact.upper))
+    of_pairs = np.empty((len(pairs[0]), 16, len(PAIRS), 16))
+    points = values, *touching.slopes, np.ascontiguousarray(touching.pair_area[chosen]), touching.weights
     contact_kernels.pair_tangents(
         np.ascontiguousarray(x), *pairs, *points, contact.penalty, contact.reach, contact.span, of_pairs
     )

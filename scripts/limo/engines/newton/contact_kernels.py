@@ -87,3 +87,61 @@ def pair_tangents(x, lower, upper, values, first, second, area, weights, penalty
                     out[n, 3, m] += own * d0 * d1 + f * d0 * slope[m, 1] + h * slope[n, 0] * d1
                     out[n, 4, m] += own * d0 * d2 + f * d0 * slope[m, 2] + h * slope[n, 0] * d2
                     out[n, 5, m] += own * d1 * d2 + f * d1 * slope[m, 2] + h * slope[n, 1] * d2
+
+
+@_compiled(
+    "void(f8[:,::1], i8[:,::1], i8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[::1], f8, f8, f8, f8, f8[:,::1], "
+    "i8[::1])"
+)
+def pair_forces(x, lower, upper, values, first, second, area, weights, penalty, reach, span, beyond, total, near):
+    """Add d Pi_c / dx of pairs (q, 8) to ``total`` (n, 3), and say how ``near`` (q,) they are.
+
+    ``near``: 2 where a pair touches, 1 where it has a gap of less than ``beyond`` above the reach, else 0. Others as above.
+    """
+    start, width = 0.25 * span * span, 0.75 * span * span
+    for q in range(len(lower)):
+        near[q] = 0
+        for g in range(len(values)):
+            d0 = d1 = d2 = u0 = u1 = u2 = v0 = v1 = v2 = 0.0
+            for n in range(8):
+                low, high = x[lower[q, n]], x[upper[q, n]]
+                f, s, t = values[g, n], 0.5 * first[g, n], 0.5 * second[g, n]
+                d0 += f * (high[0] - low[0])
+                d1 += f * (high[1] - low[1])
+                d2 += f * (high[2] - low[2])
+                u0 += s * (high[0] + low[0])
+                u1 += s * (high[1] + low[1])
+                u2 += s * (high[2] + low[2])
+                v0 += t * (high[0] + low[0])
+                v1 += t * (high[1] + low[1])
+                v2 += t * (high[2] + low[2])
+            across0, across1, across2 = u1 * v2 - u2 * v1, u2 * v0 - u0 * v2, u0 * v1 - u1 * v0
+            gap = (d0 * across0 + d1 * across1 + d2 * across2) / area[q, g]
+            far = (d0 * d0 + d1 * d1 + d2 * d2 - start) / width
+            if far >= 1 or gap >= reach + beyond:
+                continue
+            if gap >= reach:
+                near[q] = max(near[q], 1)
+                continue
+            near[q] = 2
+            if gap < -reach:
+                pressure, stored = -penalty * gap, penalty * (0.5 * gap * gap + reach * reach / 6)
+            else:
+                pressure, stored = penalty * (reach - gap) ** 2 / (4 * reach), penalty * (reach - gap) ** 3 / (12 * reach)
+            w, apart = 1.0, 0.0
+            if far > 0:
+                w = 1 - far**3 * (10 - 15 * far + 6 * far * far)
+                apart = -60 * (far * (1 - far)) ** 2 / width * stored * weights[g] * area[q, g]
+            push = -w * weights[g] * pressure
+            one0, one1, one2 = v1 * d2 - v2 * d1, v2 * d0 - v0 * d2, v0 * d1 - v1 * d0
+            two0, two1, two2 = d1 * u2 - d2 * u1, d2 * u0 - d0 * u2, d0 * u1 - d1 * u0
+            for n in range(8):
+                f, s, t = values[g, n], 0.5 * first[g, n], 0.5 * second[g, n]
+                mean0, mean1, mean2 = s * one0 + t * two0, s * one1 + t * two1, s * one2 + t * two2
+                across = push * f
+                total[lower[q, n], 0] += push * mean0 - across * across0 - apart * f * d0
+                total[lower[q, n], 1] += push * mean1 - across * across1 - apart * f * d1
+                total[lower[q, n], 2] += push * mean2 - across * across2 - apart * f * d2
+                total[upper[q, n], 0] += push * mean0 + across * across0 + apart * f * d0
+                total[upper[q, n], 1] += push * mean1 + across * across1 + apart * f * d1
+                total[upper[q, n], 2] += push * mean2 + across * across2 + apart * f * d2

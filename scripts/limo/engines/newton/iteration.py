@@ -36,6 +36,7 @@ import numpy as np
 from limo.engines.load_path import LoadPath, PathEndedError, count_stages
 from limo.engines.newton.assembly import Assembly
 from limo.engines.newton.build import mkl_version
+from limo.engines.newton.coupling import Coupling
 from limo.engines.newton.mixed import MixedStress
 from limo.engines.newton.pardiso import FactorisationError, SymmetricSolver, set_threads
 from limo.engines.newton.refined import RefinedSolver
@@ -151,9 +152,11 @@ class Run:
         self.model, self.settings, self.deadline = model, settings, deadline
         single = settings.factor_precision == "single"
         self.assembly, self.unknowns, self.tangent = _discrete(model, single)
-        pattern, groups = (self.tangent.indptr, self.tangent.indices), self.unknowns.groups
-        solver = RefinedSolver if single else partial(SymmetricSolver, definite=True)
-        self.solver = solver(*pattern, groups=groups)
+        self.factors = RefinedSolver if single else partial(SymmetricSolver, definite=True)
+        self._spent = {"seconds": 0.0, "refinements": 0, "memory": 0.0, "patterns": 0}
+        self.solver = self._analysed()
+        touching, narrow = self.assembly.touching, model.numerics.contact.coupling == "near"
+        self.coupling = Coupling(touching, model.fabric.thickness) if narrow and touching is not None else None
         self.mixed = MixedStress(self.assembly) if settings.geometric_stiffness == "mixed" else None
         self.largest, self.rejected = settings.largest_step * model.length, settings.rejected_step * model.length
         self.state = _State(np.zeros(self.assembly.size), shift=settings.first_shift)
@@ -171,9 +174,34 @@ class Run:
         self._unguarded = 0  # steps that may still crush elements
         self.fell_back = ""
         self.ways: list[dict[str, Any]] = []
+        self._visits = False
 
     def close(self) -> None:
         self.solver.close()
+
+    def _analysed(self) -> RefinedSolver | SymmetricSolver:
+        self._spent["patterns"] += 1
+        return self.factors(self.tangent.indptr, self.tangent.indices, groups=self.unknowns.groups)
+
+    def analyse(self, pairs: np.ndarray | None = None) -> None:
+        """Take other factors, for a matrix of another kind or on the pattern of ``pairs`` (q,) of layers."""
+        spent, solver = self._spent, self.solver
+        spent["seconds"] += solver.seconds
+        spent["refinements"] += solver.refinements
+        spent["memory"] = max(spent["memory"], solver.memory)
+        solver.close()
+        if pairs is not None:
+            self.tangent.touch(pairs)
+        self.solver = self._analysed()
+
+    def tangent_at(self, ventricular: float, actuation: float, stress: np.ndarray | None = None) -> np.ndarray:
+        """Values of K + sigma M at the state and pressures in kPa, on a pattern that has all layers that touch there."""
+        u = self.displacements()
+        if self.coupling is not None:
+            wanted = self.coupling.wanted(self.model.middle(u), self.tangent.pairs)
+            if wanted is not None:
+                self.analyse(wanted)
+        return self.tangent.assemble(u, ventricular, actuation, self.state.shift, stress)
 
     def details(self) -> dict[str, Any]:
         """What is told of the iteration beside its path: counts, CPU seconds, MiB."""
@@ -182,9 +210,10 @@ class Run:
             "equations": self.unknowns.size,
             "factorisations": state.factorisations,
             "solutions": state.solutions,
-            "refinements": self.solver.refinements,
-            "factor_seconds": round(self.solver.seconds, 2),
-            "factor_memory_mib": round(self.solver.memory),
+            "patterns": self._spent["patterns"],
+            "refinements": self._spent["refinements"] + self.solver.refinements,
+            "factor_seconds": round(self._spent["seconds"] + self.solver.seconds, 2),
+            "factor_memory_mib": round(max(self._spent["memory"], self.solver.memory)),
             "largest_residual": max(self.residuals, default=None),
             **({"not_begun_at": self.fell_back} if self.fell_back else {}),
             **({"ways": self.ways} if self.ways else {}),
@@ -347,7 +376,7 @@ class Run:
         """One step of the state for a residual (size,), to a share of the prescribed displacements; its size (mm) before cuts."""
         state, mixed, u, free = self.state, self.mixed, self.displacements(), self.state.free
         stress = None if mixed is None else mixed.stress
-        values = self.tangent.assemble(u, ventricular, actuation, state.shift, stress)
+        values = self.tangent_at(ventricular, actuation, stress)
         if mixed is not None:
             mixed.leave(u)
         state.free, largest, _ = self.step(values, share, lambda negative: None if negative else self.solution(residual))
@@ -385,6 +414,10 @@ class Run:
         self.legs.append(self.leg)
         self.kept.append(self.displacements())
         self.residuals.append(residual)
+        if self.coupling is not None and not self._visits:
+            fewer = self.coupling.at_rest(self.model.middle(self.kept[-1]), self.tangent.pairs)
+            if fewer is not None:
+                self.analyse(fewer)
         iterations = sum(self.state.iterations.values())
         log.info("%s, P_a = %.4g kPa: %d iterations so far, shift %.1e", self.stage, actuation, iterations, self.state.shift)
 
@@ -461,6 +494,7 @@ class Run:
         lie crushed elements. The path goes on as if nobody had looked.
         """
         state, arrived, pressure, end = self.state, replace(self.state), self.pressures[-1], len(self.stages) - 1
+        pairs, self._visits = self.tangent.pairs, True
         for place, frame in enumerate(frames):
             share = easy * (frame - before) / (pressure - before)
             state.free = self.assembly.retracted(left + share * (arrived.free - left))
@@ -468,6 +502,9 @@ class Run:
             for history in self._histories:
                 history.insert(end + place, history.pop())
         state.free, state.shift, state.last_shift = arrived.free, arrived.shift, arrived.last_shift
+        self._visits = False
+        if self.tangent.pairs is not pairs:
+            self.analyse(pairs)
 
     def forces_at(self, ventricular: float, actuation: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Displacements, f_int and f_p (n, 3) of the state; computed once for a state and its loads."""

@@ -20,12 +20,13 @@ import numpy as np
 
 from limo.engines.newton import kernels
 from limo.engines.newton.assembly import Assembly
+from limo.engines.newton.shell import ShellAssembly
 
 
 class MixedStress:
     """J w sigma (m, g, 6) in N mm at the integration points of an assembly, step by step."""
 
-    def __init__(self, assembly: Assembly):
+    def __init__(self, assembly: Assembly | ShellAssembly):
         self._assembly = assembly
         #: None while there has been no step: sigma = S
         self.stress: np.ndarray | None = None
@@ -44,7 +45,7 @@ class MixedStress:
         assembly, (slopes, stress) = self._assembly, self._before
         predicted = np.empty_like(stress)
         there = assembly.inside(displacements)[1], assembly.slopes(displacements)[0]
-        if assembly.law is None:
+        if isinstance(assembly, Assembly) and assembly.law is None:
             kernels.predicted_stress(*there, slopes, assembly.volume, assembly.lame, predicted)
         else:
             predicted = there[0] - assembly.quadratic_stress(there[1] - slopes)

@@ -18,15 +18,18 @@ middle surface. Points are 2 x 2 x 2, as those of C3D20R. Units: mm, N, MPa, ton
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import csc_array
 
 from limo.engines.newton import shell_kernels
-from limo.engines.newton.contact import ContactTangent
+from limo.engines.newton.contact import CompiledTouching, ContactTangent
 from limo.engines.newton.faces import Faces
+from limo.engines.newton.pattern import Patterned
 from limo.errors import ResultError
 from limo.mechanics.model import Expansion, Model
 from limo.mechanics.shell import axes_of, stiffness
 from limo.mesh.elements import HEX20_BOTTOM, HEX20_TOP, gauss, hex20_shape
+
+#: parts of a stress in the order of the compiled loops
+COMPONENTS = ((0, 0), (1, 1), (0, 1), (0, 2), (1, 2), (2, 2))
 
 
 class ShellAssembly:
@@ -48,7 +51,8 @@ class ShellAssembly:
         middle = 0.5 * (shell.nodes[shell.top] + shell.nodes[shell.bottom])
         self.faces = Faces(model, lambda load: self.quads[load.quads], middle, 2 * count)
         self._constrain()
-        self.touching = model.touching
+        touching = model.touching
+        self.touching = None if touching is None else CompiledTouching(touching.contact, touching.rest)
         self._placed: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
         self._known: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
 
@@ -161,20 +165,30 @@ class ShellAssembly:
         deformation = np.swapaxes(self.axes, -1, -2) + self.slopes(u)[0].reshape(shape)  # (K, i)
         change = (self.gradient @ self.of_slots(moved)[self.slots]).reshape(shape)
         strain = change @ np.swapaxes(deformation, -1, -2)
-        strain = strain + np.swapaxes(strain, -1, -2)
-        parts = np.stack([0.5 * strain[..., 0, 0], 0.5 * strain[..., 1, 1], strain[..., 0, 1]], axis=-1)
-        q = np.einsum("mab,mgb->mga", self.law[:, [[0, 1, 2], [1, 3, 4], [2, 4, 5]]], parts)
-        g = np.einsum("mab,mgb->mga", self.law[:, [[8, 7], [7, 6]]], strain[..., 2, :2])
-        grown = np.zeros(shape)
-        grown[..., 0, 0], grown[..., 1, 1] = q[..., 0], q[..., 1]
-        grown[..., 0, 1] = grown[..., 1, 0] = q[..., 2]
-        grown[..., :2, 2] = grown[..., 2, :2] = g
-        grown[..., 2, 2] = 0.5 * strain[..., 2, 2] * self.law[:, 9, None]
+        grown = self._stress_of(strain + np.swapaxes(strain, -1, -2))
         piola = stress @ change + self.volume[..., None, None] * (grown @ deformation)
         forces = np.swapaxes(self.gradient, -1, -2) @ piola.reshape(len(piola), -1, 3)
         total = np.zeros((2 * self.count, 3))
         np.add.at(total, self.slots, forces)
         return total
+
+    def _stress_of(self, strain: np.ndarray) -> np.ndarray:
+        """S (m, g, 3, 3) of twice a strain (m, g, 3, 3)."""
+        parts = np.stack([0.5 * strain[..., 0, 0], 0.5 * strain[..., 1, 1], strain[..., 0, 1]], axis=-1)
+        q = np.einsum("mab,mgb->mga", self.law[:, [[0, 1, 2], [1, 3, 4], [2, 4, 5]]], parts)
+        g = np.einsum("mab,mgb->mga", self.law[:, [[8, 7], [7, 6]]], strain[..., 2, :2])
+        found = np.zeros(strain.shape)
+        found[..., 0, 0], found[..., 1, 1] = q[..., 0], q[..., 1]
+        found[..., 0, 1] = found[..., 1, 0] = q[..., 2]
+        found[..., :2, 2] = found[..., 2, :2] = g
+        found[..., 2, 2] = 0.5 * strain[..., 2, 2] * self.law[:, 9, None]
+        return found
+
+    def quadratic_stress(self, added: np.ndarray) -> np.ndarray:
+        """J w C : d d^T / 2 (m, g, 6) in N mm of displacement gradients d (m, 3 g, 3) that a step added."""
+        d = added.reshape(*self.volume.shape, 3, 3)
+        found = self.volume[..., None, None] * self._stress_of(d @ np.swapaxes(d, -1, -2))
+        return np.stack([found[..., i, j] for i, j in COMPONENTS], axis=-1)
 
     def volume_ratios(self, u: np.ndarray) -> np.ndarray:
         """det F (m, g) at the integration points: the ratio of areas, without the stretch across the layer."""
@@ -260,13 +274,14 @@ class Directors:
         return quads, np.ones(quads.shape)
 
 
-class ShellTangent:
+class ShellTangent(Patterned):
     """K and a mass M of shells on their unknowns, as ``Tangent`` of bricks; M has no coupling of directors."""
 
     def __init__(self, assembly: ShellAssembly, unknowns: Directors):
         self._assembly, self.unknowns, self.size = assembly, unknowns, unknowns.size
         self._plan()
-        self.mass = self._assemble_mass()
+        self._own_mass = self._assemble_mass()
+        self.touch()
 
     def assemble(
         self, u: np.ndarray, ventricular: float, actuation: float, shift: float = 0.0, stress: np.ndarray | None = None
@@ -287,7 +302,7 @@ class ShellTangent:
         node, part = np.nonzero(turns >= 0)
         values[self.indptr[turns[node, part]]] -= along[node]
         values[:-1] += self._from_faces @ assembly.faces.tangent(assembly.of_slots(u)[: assembly.count], ventricular, actuation)
-        self._contact.add(values, assembly, u)
+        self._contact.add(values, u)
         return values[:-1]
 
     def _plan(self) -> None:
@@ -298,24 +313,18 @@ class ShellTangent:
         low, high = np.minimum(of_slots[:, row], of_slots[:, column]), np.maximum(of_slots[:, row], of_slots[:, column])
         taken = low >= 0
         keys = low.astype(np.int64) * size + high
-        self._contact = ContactTangent(assembly, self.unknowns)
-        unique, inverse = np.unique(np.concatenate([keys[taken], self._contact.keys]), return_inverse=True)
-        self.indices = (unique % size).astype(np.int32)
-        self.indptr = np.searchsorted(unique // size, np.arange(size + 1)).astype(np.int32)
+        unique, inverse = np.unique(keys[taken], return_inverse=True)
         # what goes nowhere goes behind the last value
         places = np.full(keys.shape, len(unique), np.int32)
-        places[taken] = inverse[: int(taken.sum())]
-        self._contact.place(unique)
+        places[taken] = inverse
         used = taken.any(axis=0)
         self._sources = (of_slots.shape[1] * row + column)[used].astype(np.int32)
-        self._places = np.ascontiguousarray(places[:, used])
-        rows, columns, factors, sources = assembly.faces.entries(self.unknowns)
-        of_faces = np.searchsorted(unique, rows * size + columns).astype(np.int32)
-        shape = (len(unique), assembly.faces.entries_count)
-        self._from_faces = csc_array((factors, (of_faces, sources.astype(np.int32))), shape=shape)
+        faces = assembly.faces
+        self._begin(unique, np.ascontiguousarray(places[:, used]), faces.entries(self.unknowns), faces.entries_count)
+        self._contact = ContactTangent(assembly, self.unknowns)
 
     def _assemble_mass(self) -> np.ndarray:
-        """Values on the tangent's pattern: the consistent mass of m, the diagonal of that of d (3 x 3 x 3 points)."""
+        """Values on the pattern without contact: the consistent mass of m, the diagonal of that of d (3 x 3 x 3 points)."""
         model = self._assembly.model
         shell = model.expansion
         local, weights = gauss(3, 3)

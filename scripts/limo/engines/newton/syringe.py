@@ -38,10 +38,8 @@ class Syringe:
     """What drives a run by V_a. ``actuation``: P_a in kPa, an outcome. It takes the place of the run's factors."""
 
     def __init__(self, run: Run):
-        self._run, tangent = run, run.tangent
-        run.solver.close()
-        seconds, run.solver = run.solver.seconds, SymmetricSolver(tangent.indptr, tangent.indices, groups=run.unknowns.groups)
-        run.solver.seconds += seconds
+        self._run, run.factors = run, SymmetricSolver
+        run.analyse()
         self.actuation = run.pressures[-1]
 
     def held(self, displacements: np.ndarray | None = None) -> float:
@@ -93,7 +91,7 @@ class Syringe:
             change = (wanted - float(along @ free)) / compliance
             return free + change * pressed
 
-        values = run.tangent.assemble(u, ventricular, self.actuation, state.shift)
+        values = run.tangent_at(ventricular, self.actuation)
         state.free, largest, part = run.step(values, 1.0, answer)
         self.actuation += part * change
         run.count()

@@ -15,23 +15,19 @@ Units: mm, N, MPa, tonne, s.
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import csc_array
 
 from limo.engines.newton import kernels, woven_kernels
 from limo.engines.newton.assembly import Assembly
 from limo.engines.newton.contact import ContactTangent
 from limo.engines.newton.entries import entries_of
 from limo.engines.newton.kernels import PAIRS
+from limo.engines.newton.pattern import Patterned
 from limo.engines.newton.unknowns import Unknowns, displacements
 from limo.mesh.elements import gauss, hex20_shape
 
 
-class Tangent:
-    """K and the consistent mass M of an assembly on ``unknowns``, by default its free displacements.
-
-    ``indptr`` (size + 1,), ``indices``: pattern of the upper triangle in rows, columns rising, the diagonal first. ``mass``: the
-    values of M on it, in tonne.
-    """
+class Tangent(Patterned):
+    """K and the consistent mass M of an assembly on ``unknowns``, by default its free displacements."""
 
     def __init__(self, assembly: Assembly, unknowns: Unknowns | None = None):
         self._assembly = assembly
@@ -39,7 +35,8 @@ class Tangent:
         self.size = self.unknowns.size
         self._gradient = np.ascontiguousarray(self.unknowns.of_elements(assembly.gradient, assembly.bricks))
         self._plan()
-        self.mass = self._assemble_mass()
+        self._own_mass = self._assemble_mass()
+        self.touch()
 
     def assemble(
         self, u: np.ndarray, ventricular: float, actuation: float, shift: float = 0.0, stress: np.ndarray | None = None
@@ -60,42 +57,35 @@ class Tangent:
         else:
             woven_kernels.tangent(*states, assembly.law, *tables, values)
         values[:-1] += self._from_faces @ assembly.faces.tangent(u, ventricular, actuation)
-        self._contact.add(values, assembly, u)
+        self._contact.add(values, u)
         return values[:-1]
 
     def _plan(self) -> None:
         """The pattern, and where in its values the entries of element matrices go."""
-        bricks, faces = entries_of(self._assembly.bricks, self.unknowns, PAIRS), self._assembly.faces.entries(self.unknowns)
-        self._contact = ContactTangent(self._assembly, self.unknowns)
-        keys = np.concatenate([bricks[0] * self.size + bricks[1], self._contact.keys])
-        unique, inverse = np.unique(keys, return_inverse=True)
-        self.indices = (unique % self.size).astype(np.int32)
-        self.indptr = np.searchsorted(unique // self.size, np.arange(self.size + 1)).astype(np.int32)
-        self._place_bricks(inverse[: len(bricks[0])], *bricks[2:])
-        self._contact.place(unique)
-        rows, columns, factors, sources = faces
+        bricks = entries_of(self._assembly.bricks, self.unknowns, PAIRS)
+        unique, inverse = np.unique(bricks[0] * self.size + bricks[1], return_inverse=True)
+        faces = self._assembly.faces
         # the slots of a face are among those of its brick
-        places = np.searchsorted(unique, rows * self.size + columns).astype(np.int32)
-        shape = (len(unique), self._assembly.faces.entries_count)
-        # by columns: element matrices are read in order
-        self._from_faces = csc_array((factors, (places, sources.astype(np.int32))), shape=shape)
+        self._begin(unique, self._places_of(inverse, *bricks[2:], len(unique)), faces.entries(self.unknowns), faces.entries_count)
+        self._contact = ContactTangent(self._assembly, self.unknowns)
 
-    def _place_bricks(self, places: np.ndarray, factors: np.ndarray, sources: np.ndarray) -> None:
+    def _places_of(self, places: np.ndarray, factors: np.ndarray, sources: np.ndarray, nowhere: int) -> np.ndarray:
         """Tables for ``kernels.tangent``: an element's entries that count, their places, and factors where any is not one."""
         count, size = len(self._assembly.bricks), 400 * len(PAIRS)
         self._sources = np.unique(sources % size).astype(np.int32)
         place = sources // size, np.searchsorted(self._sources, sources % size)
         # what goes nowhere goes behind the last value
-        self._places = np.full((count, len(self._sources)), len(self.indices), np.int32)
-        self._places[place] = places
-        weights = np.ones(self._places.shape)
+        found = np.full((count, len(self._sources)), nowhere)
+        found[place] = places
+        weights = np.ones(found.shape)
         weights[place] = factors
         odd = (weights != 1).any(axis=1)
         self._special = np.where(odd, np.cumsum(odd) - 1, -1).astype(np.int32)
         self._weights = weights[odd]
+        return found
 
     def _assemble_mass(self) -> np.ndarray:
-        """Values of the consistent mass on the tangent's pattern (3 x 3 x 3 points)."""
+        """Values of the consistent mass on the pattern without contact (3 x 3 x 3 points)."""
         model, bricks = self._assembly.model, self._assembly.bricks
         shell = model.expansion
         local, weights = gauss(3, 3)

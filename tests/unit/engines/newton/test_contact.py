@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from limo.engines.newton.contact import tangent_of
+from limo.engines.newton.contact import CompiledTouching, tangent_of
 from limo.engines.newton.iteration import _discrete
 from limo.mechanics.contact import Touching, contact_of
 
@@ -76,3 +76,49 @@ def test_what_contact_adds_to_a_tangent_is_the_slope_of_what_it_adds_to_forces(m
         ends = [unknowns.reduce(assembly.reduce(forces, u)) for forces in ends]
         expected = (ends[0] - ends[1]) / 2e-6
         assert np.linalg.norm(added @ y - expected) < 1e-5 * np.linalg.norm(expected)
+
+
+@pytest.mark.parametrize("symmetry", ["quarter", "full"])
+def test_compiled_loops_give_the_forces_and_say_what_is_near(device_mesh, symmetry):
+    mesh = device_mesh(symmetry=symmetry)
+    contact = contact_of(mesh, front_back=True, endo_epi=True, penalty=PENALTY, reach=REACH, span=SPAN)
+    plain, compiled = Touching(contact, mesh.nodes), CompiledTouching(contact, mesh.nodes)
+    x = pressed(mesh.nodes)
+    x[:, 2] += np.where(np.isin(np.arange(len(x)), contact.upper) & (mesh.nodes[:, 1] > mesh.nodes[:, 1].mean()), 0.7 * SPAN, 0.0)
+    expected = plain.forces(x)
+    assert np.abs(compiled.forces(x) - expected).max() < 1e-12 * np.abs(expected).max()
+    for beyond in (0.0, REACH, SPAN):
+        near = plain.near(x, beyond)
+        assert near.any()
+        np.testing.assert_array_equal(compiled.near(x, beyond), near)
+    assert plain.near(x).sum() < plain.near(x, SPAN).sum() <= len(near)
+
+
+@pytest.mark.parametrize("single", [False, True], ids=["displacements", "means"])
+@pytest.mark.parametrize("element", ["C3D20R", "SHELL8R"])
+def test_a_pattern_of_those_that_touch_is_the_same_matrix(make_model, element, single):
+    """Layers of one pouch are pulled apart: without their entries the tangent is what it was, with fewer of them."""
+    model = touched(make_model(element, "quarter"))
+    assembly, _, tangent = _discrete(model, single)
+    contact, mesh = assembly.touching.contact, model.mesh
+    u = assembly.expand(np.zeros(assembly.size))
+    apart = np.isin(np.arange(len(mesh.nodes)), contact.upper) & ~np.isin(np.arange(len(mesh.nodes)), contact.lower)
+    apart &= mesh.nodes[:, 0] < np.median(mesh.nodes[contact.upper.ravel(), 0])
+    shell = model.expansion
+    for nodes in (shell.bottom, shell.top, np.where(shell.middle >= 0, shell.middle, shell.bottom)):
+        u[nodes[apart], 2] += 3.0
+    near = assembly.touching.near(model.middle(u))
+    assert 0 < near.sum() < len(near)
+
+    def matrix() -> sp.csr_array:
+        values = tangent.assemble(u, VENTRICULAR, ACTUATION, 1e5)
+        return sp.csr_array((values, tangent.indices, tangent.indptr), shape=2 * (tangent.size,))
+
+    whole, entries, mass = matrix(), len(tangent.indices), tangent.mass.sum()
+    tangent.touch(near)
+    assert len(tangent.indices) < entries
+    assert np.abs(matrix() - whole).max() <= 1e-14 * np.abs(whole).max()
+    assert tangent.mass.sum() == pytest.approx(mass, rel=1e-14)
+    tangent.touch()
+    assert (tangent.indptr[-1], len(tangent.indices)) == (entries, entries)
+    assert np.abs(matrix() - whole).max() == 0.0
