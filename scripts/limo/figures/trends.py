@@ -9,6 +9,7 @@ import xarray as xr
 from limo.datasets.curves import at_end
 from limo.figures import pictures, style
 from limo.measure.states import lowest
+from limo.store.statuses import MEASURED
 
 #: axes that may be drawn along, the first one that a study varies, and what stands below
 ALONG = {
@@ -35,8 +36,11 @@ def numbers_of(dataset: xr.Dataset) -> dict[str, xr.DataArray]:
     if "direction_around" in dataset:
         share = dataset.direction_around.isel(frame=-1, drop=True)
         found["Outside, $v_1$ around [% of area]"] = 100 * share.sel(side="epicardial", drop=True)
+    if "fibre_aligned_share" in dataset and dataset.fibre_aligned_share.notnull().any():
+        found["Load along yarns [%]"] = 100 * dataset.fibre_aligned_share.isel(frame=-1, drop=True)
     if "buckling_jump" in dataset:
-        found["Largest jump of the stroke [ml]"] = np.abs(dataset.buckling_jump).max("event").fillna(0.0)
+        jump = np.abs(dataset.buckling_jump).max("event").fillna(0.0)
+        found["Largest jump of the stroke [ml]"] = jump.where(dataset.measure_status == MEASURED)
     return found
 
 
@@ -68,7 +72,10 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
             axis.set_xlabel(ALONG[along])
         handles.append(drawn)
     if along == "bending_factor":
+        factors = np.atleast_1d(dataset[along].values)
         for axis in axes:
             axis.set_xscale("log")
+            axis.set_xticks(factors, [f"{f:g}" for f in factors])
+            axis.set_xticks([], minor=True)
     style.legend(figure, handles, style.gaps(dataset), min(len(handles), 4))
     return figure

@@ -42,6 +42,28 @@ def test_the_lowest_solutions_are_drawn_over_what_is_varied_with_bars_of_the_oth
     bars = strokes.collections[0].get_segments()
     np.testing.assert_allclose(bars[0][:, 1], [100.1, 120.1])
     assert strokes.get_xscale() == scale
+    if scale == "log":
+        assert [text.get_text() for text in strokes.get_xticklabels(which="both")] == ["0.1", "0.5", "1"]
     assert strokes.get_xlabel() == trends.ALONG[along]
     assert [line.get_label() for line in (first, second)] == ["$N_p$ = 6", "$N_p$ = 8"]
+    style.close(figure)
+
+
+def test_what_is_not_measured_has_no_jump_and_yarns_are_drawn_where_there_are_some():
+    study = study_of("bending_factor", [0.1, 1.0])
+    dims = study.case_status.dims
+    status = np.full(study.case_status.shape, "measured")
+    status[0, 1] = "missing"
+    jumps = np.full((*status.shape, 3), np.nan)
+    jumps[1, :, :, 0] = -4.0
+    plain = study.assign(measure_status=(dims, status), buckling_jump=((*dims, "event"), jumps))
+    figure = trends.draw(plain)
+    drawn = {axis.get_ylabel(): [line.get_ydata() for line in axis.get_lines()] for axis in figure.axes if axis.get_lines()}
+    np.testing.assert_array_equal(drawn["Largest jump of the stroke [ml]"], [[0.0, np.nan], [4.0, 4.0]])
+    assert "Load along yarns [%]" not in drawn
+    style.close(figure)
+    woven = plain.assign(fibre_aligned_share=((*dims, "frame"), np.full((*status.shape, 2), 0.8)))
+    figure = trends.draw(woven)
+    (yarns,) = (axis for axis in figure.axes if axis.get_ylabel() == "Load along yarns [%]")
+    np.testing.assert_allclose(yarns.get_lines()[0].get_ydata(), [80.0, 80.0])
     style.close(figure)
