@@ -155,8 +155,9 @@ class Run:
         self.factors = RefinedSolver if single else partial(SymmetricSolver, definite=True)
         self._spent = {"seconds": 0.0, "refinements": 0, "memory": 0.0, "patterns": 0}
         self.solver = self._analysed()
-        touching, narrow = self.assembly.touching, model.numerics.contact.coupling == "near"
-        self.coupling = Coupling(touching, model.fabric.thickness) if narrow and touching is not None else None
+        touching = self.assembly.touching
+        narrow = touching is not None and model.numerics.contact.coupling == "near"
+        self.coupling = Coupling(touching, model.fabric.thickness) if narrow else None
         self.mixed = MixedStress(self.assembly) if settings.geometric_stiffness == "mixed" else None
         self.largest, self.rejected = settings.largest_step * model.length, settings.rejected_step * model.length
         self.state = _State(np.zeros(self.assembly.size), shift=settings.first_shift)
