@@ -33,15 +33,15 @@ def handed_to_calculix(model: Model, u: np.ndarray, folder: Path, before: float,
     used = np.zeros((count, 3), bool)
     used[np.unique(model.expansion.bricks)] = used[model.reference_start :] = True
     imposed = [(n, d) for n, d in zip(*np.nonzero(used), strict=True) if (n, d) not in dependent and (n, d) not in {*model.fixed}]
-    imposed = [f"{n + 1}, {d + 1}, {d + 1}, {u[n, d]:.12g}" for n, d in imposed]
+    imposed = [f"{n + 1}, {d + 1}, {d + 1}, {deck.number(u[n, d])}" for n, d in imposed]
     true = [f"{n + 1}, {d + 1}, {d + 1}" for n, d in model.fixed]
-    true += [f"{n + 1}, {d + 1}, {d + 1}, {value:.12g}" for (n, d), value in model.prescribed.items()]
+    true += [f"{n + 1}, {d + 1}, {d + 1}, {deck.number(value)}" for (n, d), value in model.prescribed.items()]
     for boundary, rows, pressure in (("", imposed, before), (", OP=NEW", true, before), (", OP=NEW", true, after)):
         lines += ["*STEP, NLGEOM, INC=100", "*STATIC", "1, 1", "*CONTROLS, PARAMETERS=FIELD", "1e-6, 1e-4, , , 1e-6"]
         lines += [f"*BOUNDARY{boundary}", *rows, *held]
         for load in model.pressures:
             value = 1e-3 * (load.ventricular * model.loading.ventricular_pressure + load.actuation * pressure)
-            lines += ["*DLOAD", f"{load.surface.upper()}, {deck.BRICK_SIDE[load.side]}, {value:.12g}"]
+            lines += ["*DLOAD", f"{load.surface.upper()}, {deck.BRICK_SIDE[load.side]}, {deck.number(value)}"]
         lines += ["*NODE OUTPUT, FREQUENCY=100", "U", "*END STEP"]
     folder.mkdir(parents=True)
     (folder / "deck.inp").write_text("\n".join(lines) + "\n")

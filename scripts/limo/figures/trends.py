@@ -13,7 +13,7 @@ from limo.store.statuses import MEASURED
 
 #: axes that may be drawn along, the first one that a study varies, and what stands below
 ALONG = {
-    "fabric_angle": "Angle of the warp to the axis [degrees]",
+    "fabric_angle": "Warp to axis [degrees]",
     "bending_factor": "Bending factor $f$ [-]",
     "stiffness_ratio": r"Stiffness ratio $\hat E$ [-]",
     "aspect_ratio": "Aspect ratio AR [-]",
@@ -33,6 +33,8 @@ def numbers_of(dataset: xr.Dataset) -> dict[str, xr.DataArray]:
     }
     if "von_mises_peak" in dataset:
         found["Peak von Mises stress [MPa]"] = dataset.von_mises_peak.isel(frame=-1, drop=True)
+    if "strain_peak" in dataset:
+        found["Peak strain [%]"] = 100 * dataset.strain_peak.isel(frame=-1, drop=True).max("side")
     if "direction_around" in dataset:
         share = dataset.direction_around.isel(frame=-1, drop=True)
         found["Outside, $v_1$ around [% of area]"] = 100 * share.sel(side="epicardial", drop=True)
@@ -51,7 +53,7 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
     others = [d for d in varied if d != along]
     dataset = dataset.isel({d: 0 for d in dataset.case_status.dims if d not in (along, "branch", *others)})
     numbers = numbers_of(dataset)
-    columns = 4 if len(numbers) > 6 else max(3, (len(numbers) + 1) // 2)
+    columns = max(3, (len(numbers) + 1) // 2)
     figure, *rows = style.two_rows(columns, len(numbers) - columns, 2.6 * columns, 5.2)
     axes = [axis for row in rows for axis in row]
     lines = dataset.case_status.isel(branch=0, drop=True) if "branch" in dataset.case_status.dims else dataset.case_status

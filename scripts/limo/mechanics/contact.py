@@ -106,7 +106,7 @@ class Touching:
     """
 
     def __init__(self, contact: Contact, rest: np.ndarray):
-        self.contact, self.rest = contact, rest
+        self.contact, self._rest = contact, rest
         local, weights = gauss(POINTS, 2)
         self.values, slopes = quad8_shape(local)
         self.slopes = np.ascontiguousarray(slopes[:, :, 0]), np.ascontiguousarray(slopes[:, :, 1])
@@ -115,7 +115,7 @@ class Touching:
         self.weights = weights
 
     def _areas(self, quads: np.ndarray) -> np.ndarray:
-        return np.linalg.norm(np.cross(*self._tangents(self.rest[quads])), axis=-1)
+        return np.linalg.norm(np.cross(*self._tangents(self._rest[quads])), axis=-1)
 
     def gaps(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """g in mm at places x (n, 3): of the plane (p, g), and of pairs (q, g)."""

@@ -39,8 +39,6 @@ def numbers(dataset: xr.Dataset, along: str, name: str) -> pd.DataFrame:
     """A row for every case of a study over ``along``: what the figure of trends has, least to largest of its solutions."""
     others = [d for d in dataset.case_status.dims if d not in ("branch", along) and dataset.sizes[d] > 1]
     dataset = dataset.isel({d: 0 for d in dataset.case_status.dims if d not in ("branch", along, *others)})
-    if "branch" not in dataset.dims:
-        dataset = dataset.expand_dims("branch")
     found = numbers_of(dataset)
     rows = []
     for place in product(*(dataset[d].values for d in (*others, along))):
@@ -59,8 +57,7 @@ def angles(woven: xr.Dataset, isotropic: xr.Dataset) -> pd.DataFrame:
     same = {d: woven[d].values for d in ("n_pouches", "ventricular_pressure")}
     plain = isotropic.sel(same).sel(actuation_pressure=slice(None, highest))
     plain = plain.drop_dims([d for d in ("frame", "event") if d in plain.dims])
-    plain = plain.expand_dims(variant=["isotropic"], fabric_angle=[np.nan])
-    rows = [numbers(each, "fabric_angle", "angle") for each in (plain.isel(variant=[0]), woven)]
+    rows = [numbers(each, "fabric_angle", "angle") for each in (plain.expand_dims(fabric_angle=[np.nan]), woven)]
     rows[0] = rows[0].assign(fabric="isotropic", angle=NONE)
     table = pd.concat(rows, ignore_index=True).fillna(NONE)
     return table[["N_p", "fabric", "angle", *(c for c in rows[1].columns if c not in ("N_p", "fabric", "angle"))]]

@@ -72,3 +72,4 @@ def test_the_kept_studies_have_a_row_for_every_case(root):
     made = fabric.parts(root)
     rows = made["bending"]().splitlines()[2:]
     assert len(rows) == 16
+    assert len(made["angles"]().splitlines()[2:]) == 2 + 12

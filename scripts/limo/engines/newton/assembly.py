@@ -65,8 +65,7 @@ class Assembly:
         self.stiffness = model.stiffness
         self.law = None if self.stiffness is None else woven_kernels.law_of(self.stiffness)
         self.faces = Faces(model, lambda load: shell.bricks[load.quads][:, SIDES[load.side]], shell.nodes, len(model.nodes))
-        touching = model.touching
-        self.touching = None if touching is None else CompiledTouching(touching.contact, touching.rest)
+        self.touching = CompiledTouching.of(model)
         self._placed: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
         self._known: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
         self._constrain()
@@ -138,6 +137,15 @@ class Assembly:
         factors = self.lame.T[:, :, None, None, None] * self.volume[..., None, None]
         trace = np.trace(strain, axis1=-2, axis2=-1)[..., None, None]
         return factors[0] * trace * np.eye(3) + 2 * factors[1] * strain
+
+    def predicted_stress(self, u: np.ndarray, slopes: np.ndarray) -> np.ndarray:
+        """J w (S - C : d d^T / 2) (m, g, 6) at displacements u (n, 3), d since displacement gradients ``slopes`` (m, 3 g, 3)."""
+        stress, there = self.inside(u)[1], self.slopes(u)[0]
+        if self.law is not None:
+            return stress - self.quadratic_stress(there - slopes)
+        predicted = np.empty_like(stress)
+        kernels.predicted_stress(stress, there, slopes, self.volume, self.lame, predicted)
+        return predicted
 
     def quadratic_stress(self, added: np.ndarray) -> np.ndarray:
         """J w C : d d^T / 2 (m, g, 6) in N mm of displacement gradients d (m, 3 g, 3) that a step added."""

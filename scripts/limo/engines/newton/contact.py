@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from limo.engines.newton.assembly import Assembly
     from limo.engines.newton.shell import Directors, ShellAssembly
     from limo.engines.newton.unknowns import Unknowns
+    from limo.mechanics.model import Model
 
 
 class CompiledTouching(Touching):
@@ -24,23 +25,24 @@ class CompiledTouching(Touching):
     def __init__(self, contact: Contact, rest: np.ndarray):
         super().__init__(contact, rest)
         self._pairs = tuple(np.ascontiguousarray(each, np.int64) for each in (contact.lower, contact.upper))
-        points = self.values, *self.slopes, self.pair_area, self.weights
+        points = self.values, *self.slopes, self.pair_area
         self._points = tuple(np.ascontiguousarray(each) for each in points)
 
+    @classmethod
+    def of(cls, model: Model) -> CompiledTouching | None:
+        """As ``Model.touching``."""
+        return None if model.contact is None else cls(model.contact, model.mesh.nodes)
+
     def forces(self, x: np.ndarray) -> np.ndarray:
-        total = self.forces_of_plane(x)
-        self._visit(x, 0.0, total)
+        contact, total = self.contact, self.forces_of_plane(x)
+        law = contact.penalty, contact.reach, contact.span
+        contact_kernels.pair_forces(np.ascontiguousarray(x), *self._pairs, *self._points, self.weights, *law, total)
         return total
 
     def near(self, x: np.ndarray, beyond: float = 0.0) -> np.ndarray:
-        return self._visit(x, beyond, np.zeros(x.shape)) > 0
-
-    def _visit(self, x: np.ndarray, beyond: float, total: np.ndarray) -> np.ndarray:
-        """Add the forces of pairs to ``total`` (n, 3); how near they are (q,)."""
-        contact, near = self.contact, np.empty(len(self.contact.lower), np.int64)
-        law = contact.penalty, contact.reach, contact.span, beyond
-        contact_kernels.pair_forces(np.ascontiguousarray(x), *self._pairs, *self._points, *law, total, near)
-        return near
+        found, law = np.empty(len(self.contact.lower), bool), (self.contact.reach + beyond, self.contact.span)
+        contact_kernels.pairs_near(np.ascontiguousarray(x), *self._pairs, *self._points, *law, found)
+        return found
 
 
 class ContactTangent:

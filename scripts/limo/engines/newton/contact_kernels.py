@@ -7,6 +7,34 @@ import numpy as np
 from limo.engines.newton.kernels import _compiled
 
 
+@_compiled()
+def _placed(x, lower, upper, values, first, second):
+    """delta, a_1 and a_2 of a pair with nodes (8,) at a point with shape functions and their slopes (8,)."""
+    d0 = d1 = d2 = u0 = u1 = u2 = v0 = v1 = v2 = 0.0
+    for n in range(8):
+        low, high = x[lower[n]], x[upper[n]]
+        f, s, t = values[n], 0.5 * first[n], 0.5 * second[n]
+        d0 += f * (high[0] - low[0])
+        d1 += f * (high[1] - low[1])
+        d2 += f * (high[2] - low[2])
+        u0 += s * (high[0] + low[0])
+        u1 += s * (high[1] + low[1])
+        u2 += s * (high[2] + low[2])
+        v0 += t * (high[0] + low[0])
+        v1 += t * (high[1] + low[1])
+        v2 += t * (high[2] + low[2])
+    return d0, d1, d2, u0, u1, u2, v0, v1, v2
+
+
+@_compiled()
+def _pressed(gap, penalty, reach):
+    """p, -dp/dg and psi of a gap below the reach."""
+    if gap < -reach:
+        return -penalty * gap, penalty, penalty * (0.5 * gap * gap + reach * reach / 6)
+    near = reach - gap
+    return penalty * near**2 / (4 * reach), penalty * near / (2 * reach), penalty * near**3 / (12 * reach)
+
+
 @_compiled(
     "void(f8[:,::1], i8[:,::1], i8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[::1], f8, f8, f8, f8[:,:,:,::1])"
 )
@@ -22,33 +50,17 @@ def pair_tangents(x, lower, upper, values, first, second, area, weights, penalty
         out = found[q]
         out[:] = 0.0
         for g in range(len(values)):
-            d0 = d1 = d2 = u0 = u1 = u2 = v0 = v1 = v2 = 0.0
-            for n in range(8):
-                low, high = x[lower[q, n]], x[upper[q, n]]
-                f, s, t = values[g, n], 0.5 * first[g, n], 0.5 * second[g, n]
-                a[n], a[8 + n] = -f, f
-                b[n], b[8 + n] = s, s
-                c[n], c[8 + n] = t, t
-                d0 += f * (high[0] - low[0])
-                d1 += f * (high[1] - low[1])
-                d2 += f * (high[2] - low[2])
-                u0 += s * (high[0] + low[0])
-                u1 += s * (high[1] + low[1])
-                u2 += s * (high[2] + low[2])
-                v0 += t * (high[0] + low[0])
-                v1 += t * (high[1] + low[1])
-                v2 += t * (high[2] + low[2])
+            d0, d1, d2, u0, u1, u2, v0, v1, v2 = _placed(x, lower[q], upper[q], values[g], first[g], second[g])
             across0, across1, across2 = u1 * v2 - u2 * v1, u2 * v0 - u0 * v2, u0 * v1 - u1 * v0
             gap = (d0 * across0 + d1 * across1 + d2 * across2) / area[q, g]
             far = (d0 * d0 + d1 * d1 + d2 * d2 - start) / width
             if gap >= reach or far >= 1:
                 continue
-            if gap < -reach:
-                pressure, stiff, stored = -penalty * gap, penalty, penalty * (0.5 * gap * gap + reach * reach / 6)
-            else:
-                near = reach - gap
-                pressure, stiff = penalty * near**2 / (4 * reach), penalty * near / (2 * reach)
-                stored = penalty * near**3 / (12 * reach)
+            for n in range(8):
+                a[n], a[8 + n] = -values[g, n], values[g, n]
+                b[n] = b[8 + n] = 0.5 * first[g, n]
+                c[n] = c[8 + n] = 0.5 * second[g, n]
+            pressure, stiff, stored = _pressed(gap, penalty, reach)
             # w, and its slopes by |delta|^2, of which delta depends on nodes by 2 a_n delta
             w, w1, w2 = 1.0, 0.0, 0.0
             if far > 0:
@@ -89,45 +101,19 @@ def pair_tangents(x, lower, upper, values, first, second, area, weights, penalty
                     out[n, 5, m] += own * d1 * d2 + f * d1 * slope[m, 2] + h * slope[n, 1] * d2
 
 
-@_compiled(
-    "void(f8[:,::1], i8[:,::1], i8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[::1], f8, f8, f8, f8, f8[:,::1], "
-    "i8[::1])"
-)
-def pair_forces(x, lower, upper, values, first, second, area, weights, penalty, reach, span, beyond, total, near):
-    """Add d Pi_c / dx of pairs (q, 8) to ``total`` (n, 3), and say how ``near`` (q,) they are.
-
-    ``near``: 2 where a pair touches, 1 where it has a gap of less than ``beyond`` above the reach, else 0. Others as above.
-    """
+@_compiled("void(f8[:,::1], i8[:,::1], i8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[::1], f8, f8, f8, f8[:,::1])")
+def pair_forces(x, lower, upper, values, first, second, area, weights, penalty, reach, span, total):
+    """Add d Pi_c / dx of pairs (q, 8) to ``total`` (n, 3). Others as above."""
     start, width = 0.25 * span * span, 0.75 * span * span
     for q in range(len(lower)):
-        near[q] = 0
         for g in range(len(values)):
-            d0 = d1 = d2 = u0 = u1 = u2 = v0 = v1 = v2 = 0.0
-            for n in range(8):
-                low, high = x[lower[q, n]], x[upper[q, n]]
-                f, s, t = values[g, n], 0.5 * first[g, n], 0.5 * second[g, n]
-                d0 += f * (high[0] - low[0])
-                d1 += f * (high[1] - low[1])
-                d2 += f * (high[2] - low[2])
-                u0 += s * (high[0] + low[0])
-                u1 += s * (high[1] + low[1])
-                u2 += s * (high[2] + low[2])
-                v0 += t * (high[0] + low[0])
-                v1 += t * (high[1] + low[1])
-                v2 += t * (high[2] + low[2])
+            d0, d1, d2, u0, u1, u2, v0, v1, v2 = _placed(x, lower[q], upper[q], values[g], first[g], second[g])
             across0, across1, across2 = u1 * v2 - u2 * v1, u2 * v0 - u0 * v2, u0 * v1 - u1 * v0
             gap = (d0 * across0 + d1 * across1 + d2 * across2) / area[q, g]
             far = (d0 * d0 + d1 * d1 + d2 * d2 - start) / width
-            if far >= 1 or gap >= reach + beyond:
+            if gap >= reach or far >= 1:
                 continue
-            if gap >= reach:
-                near[q] = max(near[q], 1)
-                continue
-            near[q] = 2
-            if gap < -reach:
-                pressure, stored = -penalty * gap, penalty * (0.5 * gap * gap + reach * reach / 6)
-            else:
-                pressure, stored = penalty * (reach - gap) ** 2 / (4 * reach), penalty * (reach - gap) ** 3 / (12 * reach)
+            pressure, _, stored = _pressed(gap, penalty, reach)
             w, apart = 1.0, 0.0
             if far > 0:
                 w = 1 - far**3 * (10 - 15 * far + 6 * far * far)
@@ -145,3 +131,16 @@ def pair_forces(x, lower, upper, values, first, second, area, weights, penalty, 
                 total[upper[q, n], 0] += push * mean0 + across * across0 + apart * f * d0
                 total[upper[q, n], 1] += push * mean1 + across * across1 + apart * f * d1
                 total[upper[q, n], 2] += push * mean2 + across * across2 + apart * f * d2
+
+
+@_compiled("void(f8[:,::1], i8[:,::1], i8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8, f8, b1[::1])")
+def pairs_near(x, lower, upper, values, first, second, area, below, span, near):
+    """Which pairs (q, 8) have a gap of less than ``below`` at a point that is not further from its partner than the span."""
+    for q in range(len(lower)):
+        near[q] = False
+        for g in range(len(values)):
+            d0, d1, d2, u0, u1, u2, v0, v1, v2 = _placed(x, lower[q], upper[q], values[g], first[g], second[g])
+            across0, across1, across2 = u1 * v2 - u2 * v1, u2 * v0 - u0 * v2, u0 * v1 - u1 * v0
+            gap = (d0 * across0 + d1 * across1 + d2 * across2) / area[q, g]
+            if gap < below and d0 * d0 + d1 * d1 + d2 * d2 < span * span:
+                near[q] = True

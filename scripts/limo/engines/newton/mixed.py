@@ -18,7 +18,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from limo.engines.newton import kernels
 from limo.engines.newton.assembly import Assembly
 from limo.engines.newton.shell import ShellAssembly
 
@@ -43,12 +42,7 @@ class MixedStress:
     def arrive(self, displacements: np.ndarray, share: float) -> None:
         """It ended at displacements (n, 3) in mm, after the ``share`` of it that was taken."""
         assembly, (slopes, stress) = self._assembly, self._before
-        predicted = np.empty_like(stress)
-        there = assembly.inside(displacements)[1], assembly.slopes(displacements)[0]
-        if isinstance(assembly, Assembly) and assembly.law is None:
-            kernels.predicted_stress(*there, slopes, assembly.volume, assembly.lame, predicted)
-        else:
-            predicted = there[0] - assembly.quadratic_stress(there[1] - slopes)
+        predicted = assembly.predicted_stress(displacements, slopes)
         if share < 1 and self.stress is not None:
             predicted += (1 - share) * (self.stress - stress)
         self.stress = predicted

@@ -51,8 +51,7 @@ class ShellAssembly:
         middle = 0.5 * (shell.nodes[shell.top] + shell.nodes[shell.bottom])
         self.faces = Faces(model, lambda load: self.quads[load.quads], middle, 2 * count)
         self._constrain()
-        touching = model.touching
-        self.touching = None if touching is None else CompiledTouching(touching.contact, touching.rest)
+        self.touching = CompiledTouching.of(model)
         self._placed: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
         self._known: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
 
@@ -183,6 +182,10 @@ class ShellAssembly:
         found[..., :2, 2] = found[..., 2, :2] = g
         found[..., 2, 2] = 0.5 * strain[..., 2, 2] * self.law[:, 9, None]
         return found
+
+    def predicted_stress(self, u: np.ndarray, slopes: np.ndarray) -> np.ndarray:
+        """As of ``Assembly``."""
+        return self.inside(u)[1] - self.quadratic_stress(self.slopes(u)[0] - slopes)
 
     def quadratic_stress(self, added: np.ndarray) -> np.ndarray:
         """J w C : d d^T / 2 (m, g, 6) in N mm of displacement gradients d (m, 3 g, 3) that a step added."""
