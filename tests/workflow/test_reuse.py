@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import shutil
 from pathlib import Path
 
@@ -54,6 +55,20 @@ def test_the_same_solver_elsewhere_runs_nothing_and_another_build_everything_bes
     assert "mesh_device" not in planned
     here = {f.name for f in (pretended.folder / "results/cases").iterdir()}
     assert here.isdisjoint(pretended.plan().to_solve)
+
+
+def test_a_mesh_left_unfinished_holds_no_case_back(pretended):
+    """Snakemake 9 leaves cases out behind an input marked `ancient` that it makes again, and ends as if all were done."""
+    plan = pretended.plan()
+    case_id, case = next((name, plan.cases[name]) for name in plan.of_study("tiny"))
+    shutil.rmtree(pretended.folder / "results/cases" / case_id)
+    marks = pretended.folder / ".snakemake/incomplete"
+    marks.mkdir(exist_ok=True)
+    marks.joinpath(base64.b64encode(f"results/meshes/{case.mesh_id}.vtu".encode()).decode()).touch()
+    planned = pretended.planned("tiny")
+    assert planned["mesh_device"] == 1
+    assert planned["solve_case"] >= 1
+    assert planned["gather_study"] == 1
 
 
 def pretended_solver(project: Project):

@@ -116,8 +116,8 @@ rule keep_runs:
 
 rule time_case:
     input:
-        mesh=ancient(mesh_of_case),
-        fit=ancient(fit_of_case),
+        mesh=mesh_of_case,
+        fit=fit_of_case,
         status=RESULTS.case("{case}").status,
     output:
         RESULTS.times("{case}"),

@@ -1,8 +1,7 @@
 rule solve_case:
     input:
-        # its name says what it is made of, and params.code by which code: clocks that jump say nothing
-        mesh=ancient(mesh_of_case),
-        fit=ancient(fit_of_case),
+        mesh=mesh_of_case,
+        fit=fit_of_case,
     output:
         case=RESULTS.case("{case}").described,
         status=RESULTS.case("{case}").status,
