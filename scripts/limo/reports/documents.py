@@ -14,6 +14,7 @@ from limo.errors import LimoError
 from limo.reports import (
     accuracy,
     beats,
+    before,
     blocks,
     cluster,
     configuration,
@@ -51,7 +52,7 @@ def _performance(root: Path) -> str:
     rows = performance.read_measurements(root / DATA / "performance.csv")
     measured = overhead.read_overhead(root / DATA / "overhead.csv"), entry.read_entry(root / DATA / "entry.csv")
     beside = cluster.read_cluster(root / DATA / "cluster.csv"), peer.read_peer(root / DATA / "peer.csv")
-    return performance.report(rows, *measured, *beside)
+    return performance.report(rows, *measured, *beside, before.read_before(root / DATA / "before.csv"))
 
 
 def _gallery(config: str, part: str) -> Callable[[Path], str]:

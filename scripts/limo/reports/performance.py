@@ -23,6 +23,7 @@ from limo.config.project import Project
 from limo.engines.find import find_engine
 from limo.errors import LimoError
 from limo.measure.ramp import ramp_of
+from limo.reports.before import before_section
 from limo.reports.cluster import cluster_table
 from limo.reports.entry import entry_table
 from limo.reports.markdown import markdown_table, number, read_rows, shown, signed_percent
@@ -132,7 +133,14 @@ DECKS = {"calculix": "fast", "newton": "-"}
 CASE = ["n_pouches", "ventricular_pressure", "aspect_ratio", "stiffness_ratio"]
 
 
-def report(rows: pd.DataFrame, overhead: pd.DataFrame, entry: pd.DataFrame, cluster: pd.DataFrame, peer: pd.DataFrame) -> str:
+def report(
+    rows: pd.DataFrame,
+    overhead: pd.DataFrame,
+    entry: pd.DataFrame,
+    cluster: pd.DataFrame,
+    peer: pd.DataFrame,
+    before: pd.DataFrame,
+) -> str:
     """docs/performance.md of raw measurements, and of those of the modules that arguments are named after; gaps say so."""
     rows = with_iterations(rows)
     machines = ", ".join(sorted(rows.machine.dropna().unique()))
@@ -160,6 +168,8 @@ def report(rows: pd.DataFrame, overhead: pd.DataFrame, entry: pd.DataFrame, clus
         "limit. Its CPU time is extrapolated in proportion to the share of the solver's clock that it reached. This is a lower "
         "bound, because the costly snaps of the ramp lie beyond.",
         markdown_table(_builds(rows)),
+        "## An earlier build beside today's",
+        *before_section(before),
         "## A peer beside the engine newton",
         *peer_section(peer),
         "## To enter the project",

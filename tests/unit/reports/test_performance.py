@@ -7,6 +7,7 @@ from limo.cases.grid import study_cases
 from limo.cases.plan import make_plan
 from limo.config.project import Project
 from limo.errors import ResultError
+from limo.reports.before import read_before
 from limo.reports.cluster import read_cluster
 from limo.reports.entry import read_entry
 from limo.reports.overhead import COLUMNS, read_overhead
@@ -72,6 +73,7 @@ def test_the_report_judges_changes_and_targets_by_the_numbers(tmp_path, measured
         read_entry(tmp_path / "entry.csv"),
         read_cluster(tmp_path / "no.csv"),
         read_peer(tmp_path / "no.csv"),
+        read_before(tmp_path / "no.csv"),
     )
     verdict = {n: next(line for line in text.splitlines() if f"| {n} |" in line).split("|")[-2].strip() for n in variants}
     assert verdict == {"faster": "yes", "wrong": "no", "slower": "no"}

@@ -70,6 +70,8 @@ def add_performance(commands: arguments.Commands) -> None:
         part.add_argument("--entry", type=Path, default=Path("docs/data/entry.csv"), help="its table (default: %(default)s)")
     peer = Path("docs/data/peer.csv")
     printed.add_argument("--peer", type=Path, default=peer, help="table of scripts/peer/kratos.py (default: %(default)s)")
+    before = Path("docs/data/before.csv")
+    printed.add_argument("--before", type=Path, default=before, help="table of scripts/peer/before.py (default: %(default)s)")
     for part in (timed, printed):
         part.add_argument(
             "--overhead", type=Path, default=Path("docs/data/overhead.csv"), help="its table (default: %(default)s)"
@@ -78,6 +80,7 @@ def add_performance(commands: arguments.Commands) -> None:
 
 def _performance(chosen: argparse.Namespace) -> None:
     from limo.reports import cluster
+    from limo.reports.before import read_before
     from limo.reports.entry import compare, compare_solve_imports, compare_tests, entry_table, keep, read_entry
     from limo.reports.overhead import read_overhead, record_overhead
     from limo.reports.peer import read_peer
@@ -97,7 +100,8 @@ def _performance(chosen: argparse.Namespace) -> None:
         print(cluster.cluster_table(cluster.keep(rows, chosen.cluster)))
     else:
         measured = read_overhead(chosen.overhead), read_entry(chosen.entry), cluster.read_cluster(chosen.cluster)
-        print(report(read_measurements(chosen.table), *measured, read_peer(chosen.peer)), end="")
+        beside = read_peer(chosen.peer), read_before(chosen.before)
+        print(report(read_measurements(chosen.table), *measured, *beside), end="")
 
 
 def add_paper_check(commands: arguments.Commands) -> None:

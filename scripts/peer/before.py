@@ -1,0 +1,145 @@
+"""An earlier build of this project beside today's: both solve the same devices, and rows go into docs/data/before.csv.
+
+    PYTHONPATH=scripts .venv/bin/python scripts/peer/before.py ../earlier [--only 8] [--folder .local/before]
+
+The earlier checkout is set up (``make setup``) and has its own configuration, engine and packages. What is solved stays in the
+folder and is not solved again. Two cases run at a time, on one thread each. CPU time is that of a case and of the states of
+coarser meshes that it begins at.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shutil
+import subprocess
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+import yaml
+
+from limo.measure.ramp import ramp_of
+from limo.reports.before import ABOVE, COLUMNS, EARLIER, SETTINGS
+from limo.store.files import read_json, write_whole
+from limo.store.machine import processor
+
+ROOT = Path(__file__).parents[2]
+#: P_a,max (kPa) by P_v
+LARGEST = {3.8: 60, 13.8: 100, 23.8: 140}
+POUCHES = (4, 6, 8, 10)
+#: the devices of the measured errors first
+DEVICES = sorted(((n, p) for n in POUCHES for p in LARGEST), key=lambda d: d not in ((4, 13.8), (8, 3.8)))
+
+
+def study(setting: str, n_pouches: int, ventricular: float) -> dict:
+    """The study of one case; an earlier build knows no other keys than these, and one device."""
+    one = {
+        "description": "one case of two builds",
+        "axes": {"n_pouches": [n_pouches], "ventricular_pressure": [ventricular]},
+        "actuation_pressure_max": LARGEST[ventricular],
+        "outputs": ["volumes"],
+        "branches": 1,
+    }
+    return one | ({"preset": "standard"} if setting == EARLIER else {"device": "limo_2025"} | SETTINGS[setting].study)
+
+
+def solve(checkout: Path, folder: Path, setting: str, n_pouches: int, ventricular: float) -> None:
+    """One case in a folder of its own, by the workflow of a checkout; nothing where it is there."""
+    if found(folder):
+        return
+    shutil.rmtree(folder, ignore_errors=True)
+    shutil.copytree(checkout / "config", folder / "config")
+    file = folder / "config/studies/pair.yaml"
+    file.write_text(yaml.safe_dump(study(setting, n_pouches, ventricular)))
+    command = [
+        *(checkout / ".venv/bin/snakemake", "pair", "--until", "solve_case", "--cores", "1", "--quiet", "all"),
+        *("--snakefile", checkout / "Snakefile", "--directory", folder),
+        *("--config", f"file={folder / 'config/config.yaml'}"),
+    ]
+    own = {"PYTHONPATH": str(checkout / "scripts"), "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
+    done = subprocess.run(command, cwd=checkout, env=os.environ | own, capture_output=True, text=True, check=False)
+    if done.returncode or not found(folder):
+        raise SystemExit(f"{' '.join(map(str, command))} failed: {(done.stdout + done.stderr)[-2000:]}")
+
+
+def found(folder: Path) -> list[Path]:
+    """Folders of solved cases that had a ramp, which states of coarser meshes have not."""
+    solved = [f.parent for f in folder.glob("results/cases/*/volumes.nc") if f.parent.joinpath("status.json").exists()]
+    return [f for f in solved if read_json(f / "status.json")["iterations_by_stage"]["ramp"] > 0]
+
+
+def row(folder: Path, commit: str, setting: str, n_pouches: int, ventricular: float) -> tuple[dict, xr.Dataset]:
+    """What one case cost and where it ended, and its ramp."""
+    (case,) = found(folder)
+    status = read_json(case / "status.json")
+    with xr.open_dataset(case / "volumes.nc") as history:
+        ramp = ramp_of(history.load())
+    end, stages = ramp.isel(increment=-1), status["iterations_by_stage"]
+    work = ventricular * end.ventricle_volume_conjugate + end.actuation_pressure * end.actuation_volume_conjugate
+    return {
+        "n_pouches": n_pouches,
+        "ventricular_pressure": ventricular,
+        "setting": setting,
+        "commit": commit,
+        "status": status["status"],
+        "iterations": sum(stages.values()),
+        "iterations_ramp": stages["ramp"],
+        "factorisations": status.get("factorisations"),
+        "cpu_seconds": round(status.get("fit_cpu_seconds", 0.0) + status["solver_cpu_seconds"], 1),
+        "memory_mib": round(status["solver_memory_mib"]),
+        "rest_volume": round(float(ramp.ventricle_volume[0]), 2),
+        "stroke": round(float(ramp.ventricle_volume[0] - end.ventricle_volume), 2),
+        "energy_mj": round(float(end.strain_energy - work), 3),
+        "machine": processor(),
+    }, ramp
+
+
+def apart(ramp: xr.Dataset, other: xr.Dataset, ventricular: float) -> float:
+    """Relative L2 distance of V_v of two ramps from P_v + ``ABOVE`` on, at the pressures of the second."""
+    at = other.actuation_pressure.values
+    at = at[at >= ventricular + ABOVE]
+    ours, theirs = (np.interp(at, r.actuation_pressure.values, r.ventricle_volume.values) for r in (ramp, other))
+    return round(float(np.linalg.norm(ours - theirs) / np.linalg.norm(theirs)), 6)
+
+
+def main() -> None:
+    """Solve what lacks, and write the table of all that is there."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("earlier", type=Path, help="the earlier checkout")
+    parser.add_argument("--only", type=int, choices=POUCHES, help="devices of this number of pouches alone")
+    parser.add_argument("--first", type=int, default=len(DEVICES), help="so many devices (default: all)")
+    parser.add_argument("--folder", type=Path, default=ROOT / ".local/before", help="where cases are solved and kept")
+    parser.add_argument("--keep", type=Path, default=ROOT / "docs/data/before.csv", help="the table of rows")
+    chosen = parser.parse_args()
+    earlier, folder = chosen.earlier.resolve(), chosen.folder.resolve()
+    devices = [d for d in DEVICES[: chosen.first] if chosen.only in (None, d[0])]
+    jobs = [(s, *d) for d in devices for s in (EARLIER, *SETTINGS)]
+    places = {job: folder / "_".join(map(str, job)) for job in jobs}
+    commits = {
+        checkout: subprocess.run(
+            ["git", "rev-parse", "--short=7", "HEAD"], cwd=checkout, capture_output=True, text=True, check=True
+        ).stdout.strip()
+        for checkout in (earlier, ROOT)
+    }
+
+    def run(job: tuple[str, int, float]) -> None:
+        solve(earlier if job[0] == EARLIER else ROOT, places[job], *job)
+        print(*job, flush=True)
+
+    with ThreadPoolExecutor(2) as pool:
+        list(pool.map(run, jobs))
+    rows = []
+    for device in devices:
+        (first, reference), *others = (
+            row(places[s, *device], commits[earlier if s == EARLIER else ROOT], s, *device) for s in (EARLIER, *SETTINGS)
+        )
+        rows += [first | {"apart": 0.0}, *(r | {"apart": apart(ramp, reference, device[1])} for r, ramp in others)]
+    table = pd.DataFrame(rows, columns=COLUMNS)
+    write_whole(chosen.keep, lambda path: table.to_csv(path, index=False))
+
+
+if __name__ == "__main__":
+    main()

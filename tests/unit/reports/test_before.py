@@ -1,0 +1,68 @@
+"""An earlier build beside today's: settings that a study can name, and what is made of kept rows. No earlier build is needed."""
+
+import importlib.util
+
+import pandas as pd
+import pytest
+import yaml
+
+from limo.cases.grid import study_cases
+from limo.config.load import load_config
+from limo.errors import ResultError
+from limo.reports.before import COLUMNS, EARLIER, SETTINGS, before_section, read_before
+from tests.helpers.cases import without_studies
+
+
+@pytest.fixture(scope="module")
+def script(root):
+    """The script that measures, which is no part of the package."""
+    spec = importlib.util.spec_from_file_location("before_script", root / "scripts/peer/before.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.parametrize("setting", SETTINGS)
+def test_each_setting_is_a_study_of_one_case(root, tmp_path, script, setting):
+    studies = without_studies(root, tmp_path)
+    (studies / "pair.yaml").write_text(yaml.safe_dump(script.study(setting, 8, 3.8)))
+    path = tmp_path / "config/config.yaml"
+    path.write_text(yaml.safe_dump(yaml.safe_load(path.read_text()) | {"studies": ["pair"]}))
+    loaded = load_config(path)
+    (case,) = study_cases(loaded, "pair").values()
+    assert case.device == loaded.devices["limo_2025"]
+    assert (case.n_pouches, case.engine, case.mesh.symmetry) == (8, "newton", "quarter")
+    assert case.mesh.element == ("C3D20R" if setting.startswith("bricks") else "SHELL8R")
+    assert case.mesh.level == ("coarse" if setting == "shells_coarse" else "medium")
+    assert case.numerics.contact.endo_epi == (setting == "standard")
+    assert bool(case.numerics.newton.fit_on) == (setting != "bricks_flat")
+    assert case.actuation_pressure_max == 60
+
+
+def test_the_devices_of_the_measured_errors_come_first(script):
+    assert len(script.DEVICES) == 12
+    assert set(script.DEVICES[:2]) == {(4, 13.8), (8, 3.8)}
+
+
+def rows(bricks: float, energy: float) -> pd.DataFrame:
+    earlier = dict.fromkeys(COLUMNS, 1) | {"n_pouches": 8, "ventricular_pressure": 3.8, "setting": EARLIER, "commit": "7cdfcb9"}
+    earlier |= {"cpu_seconds": 1000.0, "energy_mj": -100.0, "apart": 0.0, "machine": "a machine"}
+    ours = earlier | {"setting": "bricks", "commit": "today", "cpu_seconds": bricks, "energy_mj": energy, "apart": 0.012}
+    return pd.DataFrame([earlier, ours], columns=COLUMNS)
+
+
+@pytest.mark.parametrize(("cpu", "energy", "less", "lower"), [(250.0, -101.0, "4.0", "1 of 1"), (800.0, -99.0, "1.2", "0 of 1")])
+def test_a_setting_is_compared_with_the_earlier_build(cpu, energy, less, lower):
+    text = "\n".join(before_section(rows(cpu, energy)))
+    line = next(line for line in text.splitlines() if SETTINGS["bricks"].words in line)
+    assert [c.strip() for c in line.split("|")[3:6]] == [less] * 3
+    assert f"| {lower} |" in line
+    assert "| 1.2% |" in line
+    assert "`7cdfcb9`" in text
+
+
+def test_a_gap_says_how_it_is_filled_and_another_table_is_refused(tmp_path):
+    assert "scripts/peer/before.py" in before_section(read_before(tmp_path / "no.csv"))[0]
+    (tmp_path / "other.csv").write_text("a,b\n1,2\n")
+    with pytest.raises(ResultError, match="no columns n_pouches"):
+        read_before(tmp_path / "other.csv")
