@@ -35,6 +35,9 @@ def numbers_of(dataset: xr.Dataset) -> dict[str, xr.DataArray]:
         found["Peak von Mises stress [MPa]"] = dataset.von_mises_peak.isel(frame=-1, drop=True)
     if "strain_peak" in dataset:
         found["Peak strain [%]"] = 100 * dataset.strain_peak.isel(frame=-1, drop=True).max("side")
+    for name, text in (("fatigue_cycles_min", "worst point"), ("fatigue_cycles_p05", "95 % of area")):
+        if name in dataset:
+            found[f"Cycles, {text} [$\\log_{{10}}$]"] = np.log10(dataset[name])
     if "direction_around" in dataset:
         share = dataset.direction_around.isel(frame=-1, drop=True)
         found["Outside, $v_1$ around [% of area]"] = 100 * share.sel(side="epicardial", drop=True)
@@ -46,13 +49,18 @@ def numbers_of(dataset: xr.Dataset) -> dict[str, xr.DataArray]:
     return found
 
 
+def known(numbers: dict[str, xr.DataArray]) -> dict[str, xr.DataArray]:
+    """Those of ``numbers_of`` that some case has, as no cycles where nothing ever fails; all of them where none has any."""
+    return {text: values for text, values in numbers.items() if np.isfinite(values).any()} or numbers
+
+
 def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
     """One curve for each of the other axes' values, with bars from branch to branch; measured curves have no place here."""
     varied = [d for d in dataset.case_status.dims if d != "branch" and dataset.sizes[d] > 1]
     along = next((name for name in ALONG if name in varied), "n_pouches")
     others = [d for d in varied if d != along]
     dataset = dataset.isel({d: 0 for d in dataset.case_status.dims if d not in (along, "branch", *others)})
-    numbers = numbers_of(dataset)
+    numbers = known(numbers_of(dataset))
     columns = max(3, (len(numbers) + 1) // 2)
     figure, *rows = style.two_rows(columns, len(numbers) - columns, 2.6 * columns, 5.2)
     axes = [axis for row in rows for axis in row]
@@ -64,8 +72,9 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
         case = {d: points.line.values[k][j] if len(others) > 1 else points[d].values[k] for j, d in enumerate(others)}
         chosen, color = dataset.sel(case), style.COLORS[k % len(style.COLORS)]
         name = pictures.names(points.isel(line=k), others) or " "
-        for axis, (text, values) in zip(axes, numbers_of(chosen).items(), strict=True):
-            shown = numbers_of(lowest(chosen))[text]
+        of_all, of_lowest = numbers_of(chosen), numbers_of(lowest(chosen))
+        for axis, text in zip(axes, numbers, strict=True):
+            values, shown = of_all[text], of_lowest[text]
             x = np.atleast_1d(shown[along].values).astype(float)
             (drawn,) = axis.plot(x, np.atleast_1d(shown.values), "o-", color=color, ms=3, label=name)
             if "branch" in values.dims:
@@ -73,6 +82,9 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
             axis.set_ylabel(text)
             axis.set_xlabel(ALONG[along])
         handles.append(drawn)
+    for axis in axes:
+        if axis.dataLim.y0 == axis.dataLim.y1 == 0:
+            axis.set_ylim(0, 1)  # nothing but zeros
     if along == "bending_factor":
         factors = np.atleast_1d(dataset[along].values)
         for axis in axes:

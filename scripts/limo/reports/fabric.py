@@ -11,7 +11,7 @@ import pandas as pd
 import xarray as xr
 
 from limo.datasets.curves import at_end
-from limo.figures.trends import numbers_of
+from limo.figures.trends import known, numbers_of
 from limo.measure.states import lowest
 from limo.reports.kept import STANDARD, Kept
 from limo.reports.markdown import markdown_table
@@ -19,7 +19,7 @@ from limo.reports.markdown import markdown_table
 #: relative L2 errors in % of Delta V_v / V_a against experiments, by N_p (paper, Pressure-volume relationship)
 PAPER_ERRORS = {4: 7.9, 6: 16.8, 8: 48.3, 10: 80.3}
 #: digits of the numbers of a case after the point, those of other names have none
-_DIGITS = {"Ratio": 2}
+_DIGITS = {"Ratio": 2, "Cycles": 1}
 NONE = "-"
 _HEADS = {"n_pouches": "N_p", "variant": "fabric"}
 _KEPT = ("n_pouches", "bending_factor", "branch", "actuation_pressure")
@@ -39,13 +39,15 @@ def numbers(dataset: xr.Dataset, along: str, name: str) -> pd.DataFrame:
     """A row for every case of a study over ``along``: what the figure of trends has, least to largest of its solutions."""
     others = [d for d in dataset.case_status.dims if d not in ("branch", along) and dataset.sizes[d] > 1]
     dataset = dataset.isel({d: 0 for d in dataset.case_status.dims if d not in ("branch", along, *others)})
-    found = numbers_of(dataset)
+    found = known(numbers_of(dataset))
     rows = []
     for place in product(*(dataset[d].values for d in (*others, along))):
         here = dict(zip((*others, along), place, strict=True))
         row = {_HEADS.get(d, d): str(v) for d, v in here.items() if d != along} | {name: f"{here[along]:g}"}
         for text, values in found.items():
-            head = text.replace("$", "").replace("\\Delta ", "Delta ").replace("_{a,max}", "_a,max")
+            head = text
+            for written, plain in (("$", ""), ("\\Delta ", "Delta "), ("_{a,max}", "_a,max"), ("\\log_{10}", "log10")):
+                head = head.replace(written, plain)
             row[head] = _span(values.sel(here).values, next((n for start, n in _DIGITS.items() if text.startswith(start)), 0))
         rows.append(row)
     return pd.DataFrame(rows)

@@ -63,11 +63,16 @@ def test_what_is_not_measured_has_no_jump_and_yarns_are_drawn_where_there_are_so
     assert "Load along yarns [%]" not in drawn
     style.close(figure)
     strain = np.stack([np.full((*status.shape, 2), 0.04), np.full((*status.shape, 2), 0.12)], axis=-1)
-    plain = plain.assign(strain_peak=((*dims, "frame", "side"), strain))
+    cycles = (dims, np.full(status.shape, 1e3))
+    plain = plain.assign(strain_peak=((*dims, "frame", "side"), strain), fatigue_cycles_min=cycles)
+    plain["fatigue_cycles_p05"] = np.inf * plain.fatigue_cycles_min  # endures, and is not drawn
     woven = plain.assign(fibre_aligned_share=((*dims, "frame"), np.full((*status.shape, 2), 0.8)))
     figure = trends.draw(woven)
     (yarns,) = (axis for axis in figure.axes if axis.get_ylabel() == "Load along yarns [%]")
     np.testing.assert_allclose(yarns.get_lines()[0].get_ydata(), [80.0, 80.0])
     (strains,) = (axis for axis in figure.axes if axis.get_ylabel() == "Peak strain [%]")
     np.testing.assert_allclose(strains.get_lines()[0].get_ydata(), [12.0, 12.0], err_msg="of the side that has more")
+    (cycles,) = (axis for axis in figure.axes if axis.get_ylabel().startswith("Cycles"))
+    assert "worst point" in cycles.get_ylabel()
+    np.testing.assert_allclose(cycles.get_lines()[0].get_ydata(), [3.0, 3.0])
     style.close(figure)
