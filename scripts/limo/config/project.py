@@ -9,11 +9,15 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, TypeVar
 
+from pydantic import BaseModel, ValidationError
+
 from limo.config.settings import Setting, default_of, setting_of, variants_of
 from limo.errors import ConfigError, LimoError
 from limo.schema.accuracy import Airbag
 from limo.schema.config import Config, Preset
 from limo.schema.device import Device
+from limo.schema.fatigue import Fatigue
+from limo.schema.numerics import Numerics
 from limo.schema.section import ENGINES
 from limo.schema.study import Study
 
@@ -169,3 +173,25 @@ class Project:
         if "fatigue" in study.measures:
             sections["fatigue"] = self.config.fatigue.model_dump(mode="json")
         return sections
+
+
+def same_content(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
+    """Whether two of ``Project.content`` mean the same: a key that one of them lacks, as of an older version, has its default."""
+    try:
+        return _filled(one) == _filled(other)
+    except (ValidationError, KeyError):
+        return False
+
+
+def _filled(content: Mapping[str, Any]) -> dict[str, Any]:
+    """Content in which keys of the study, its devices, numerics and fatigue that are missing have their defaults."""
+
+    def whole(schema: type[BaseModel], values: Mapping[str, Any]) -> dict[str, Any]:
+        return schema.model_validate(values).model_dump(mode="json")
+
+    settings = {
+        name: {**one, "device": whole(Device, one["device"]), "numerics": whole(Numerics, one["numerics"])}
+        for name, one in content["settings"].items()
+    }
+    fatigue = {"fatigue": whole(Fatigue, content["fatigue"])} if "fatigue" in content else {}
+    return {**content, "study": whole(Study, content["study"]), "settings": settings, **fatigue}

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import xarray as xr
 
+from limo.config.project import same_content
 from limo.datasets.variables import CURVE_DIMS, VARIABLES
 from limo.measure.efficiency import efficiency_at_stroke, io_ratio, io_ratio_of_change
 from limo.measure.ramp import ramp_of
@@ -77,7 +80,7 @@ def completed(dataset: xr.Dataset, earlier: xr.Dataset) -> xr.Dataset:
 
     Raises ``ValueError`` where that has another configuration: its cases are others then.
     """
-    if dataset.attrs["config"] != earlier.attrs["config"]:
+    if not same_content(*(json.loads(each.attrs["config"]) for each in (dataset, earlier))):
         raise ValueError("gathered with another configuration")
     taken = absent(dataset) & ~absent(earlier)
     filled = {

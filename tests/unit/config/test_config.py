@@ -24,6 +24,7 @@ from limo.config import checks as config_checks
 from limo.config import project as config_project
 from limo.config.json_schemas import json_schemas
 from limo.config.load import ALL, RULES, load_config
+from limo.config.project import same_content
 from limo.config.targets import asked_studies
 from limo.config.yaml_file import read_yaml
 from limo.errors import ConfigError, LimoError
@@ -869,3 +870,17 @@ def test_a_misspelt_key_gets_the_example_of_the_one_that_is_spelt_most_like_it(r
     file.write_text(file.read_text() + "actuation_presure_max: 60\n")
     with pytest.raises(ConfigError, match=r"actuation_presure_max.*no such key.*for example actuation_pressure_max: "):
         load_config(copy / "config.yaml", strict=True)
+
+
+def test_contents_are_the_same_where_an_older_one_lacks_what_has_its_default(loaded):
+    content = loaded.content("fatigue")
+    older = json.loads(json.dumps(content))
+    del older["settings"][""]["numerics"]["contact"]["coupling"], older["fatigue"]["mean_correction"], older["study"]["variants"]
+    assert same_content(content, older)
+    assert same_content(older, content)
+    other = json.loads(json.dumps(older))
+    other["settings"][""]["numerics"]["contact"]["coupling"] = "all"
+    assert not same_content(content, other)
+    gone = json.loads(json.dumps(older)) | {"study": older["study"] | {"no_longer": 1}}
+    assert not same_content(content, gone), "a key that means nothing any more"
+    assert not same_content(content, {"study": older["study"]})
