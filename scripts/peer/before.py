@@ -22,13 +22,15 @@ import xarray as xr
 import yaml
 
 from limo.measure.ramp import ramp_of
-from limo.reports.before import ABOVE, COLUMNS, EARLIER, SETTINGS
-from limo.store.files import read_json, write_whole
+from limo.reports.before import ABOVE, COLUMNS, EARLIER, KEYS, SETTINGS, read_before
+from limo.store.files import read_json, write_json, write_whole
 from limo.store.machine import processor
 
 ROOT = Path(__file__).parents[2]
 #: P_a,max (kPa) by P_v
 LARGEST = {3.8: 60, 13.8: 100, 23.8: 140}
+#: by which commit and machine a case was solved, beside it
+BY = "by.json"
 POUCHES = (4, 6, 8, 10)
 #: the devices of the measured errors first
 DEVICES = sorted(((n, p) for n in POUCHES for p in LARGEST), key=lambda d: d not in ((4, 13.8), (8, 3.8)))
@@ -42,13 +44,14 @@ def study(setting: str, n_pouches: int, ventricular: float) -> dict:
         "actuation_pressure_max": LARGEST[ventricular],
         "outputs": ["volumes"],
         "branches": 1,
+        "reuse": "exact",  # other studies of the configuration may go further
     }
     return one | ({"preset": "standard"} if setting == EARLIER else {"device": "limo_2025"} | SETTINGS[setting].study)
 
 
 def solve(checkout: Path, folder: Path, setting: str, n_pouches: int, ventricular: float) -> None:
     """One case in a folder of its own, by the workflow of a checkout; nothing where it is there."""
-    if found(folder):
+    if folder.joinpath(BY).exists():
         return
     shutil.rmtree(folder, ignore_errors=True)
     shutil.copytree(checkout / "config", folder / "config")
@@ -63,6 +66,9 @@ def solve(checkout: Path, folder: Path, setting: str, n_pouches: int, ventricula
     done = subprocess.run(command, cwd=checkout, env=os.environ | own, capture_output=True, text=True, check=False)
     if done.returncode or not found(folder):
         raise SystemExit(f"{' '.join(map(str, command))} failed: {(done.stdout + done.stderr)[-2000:]}")
+    git = ["git", "rev-parse", "--short=7", "HEAD"]
+    commit = subprocess.run(git, cwd=checkout, capture_output=True, text=True, check=True).stdout.strip()
+    write_json(folder / BY, {"commit": commit, "machine": processor()})
 
 
 def found(folder: Path) -> list[Path]:
@@ -71,7 +77,7 @@ def found(folder: Path) -> list[Path]:
     return [f for f in solved if read_json(f / "status.json")["iterations_by_stage"]["ramp"] > 0]
 
 
-def row(folder: Path, commit: str, setting: str, n_pouches: int, ventricular: float) -> tuple[dict, xr.Dataset]:
+def row(folder: Path, setting: str, n_pouches: int, ventricular: float) -> tuple[dict, xr.Dataset]:
     """What one case cost and where it ended, and its ramp."""
     (case,) = found(folder)
     status = read_json(case / "status.json")
@@ -83,7 +89,6 @@ def row(folder: Path, commit: str, setting: str, n_pouches: int, ventricular: fl
         "n_pouches": n_pouches,
         "ventricular_pressure": ventricular,
         "setting": setting,
-        "commit": commit,
         "status": status["status"],
         "iterations": sum(stages.values()),
         "iterations_ramp": stages["ramp"],
@@ -93,8 +98,7 @@ def row(folder: Path, commit: str, setting: str, n_pouches: int, ventricular: fl
         "rest_volume": round(float(ramp.ventricle_volume[0]), 2),
         "stroke": round(float(ramp.ventricle_volume[0] - end.ventricle_volume), 2),
         "energy_mj": round(float(end.strain_energy - work), 3),
-        "machine": processor(),
-    }, ramp
+    } | read_json(folder / BY), ramp
 
 
 def apart(ramp: xr.Dataset, other: xr.Dataset, ventricular: float) -> float:
@@ -106,7 +110,7 @@ def apart(ramp: xr.Dataset, other: xr.Dataset, ventricular: float) -> float:
 
 
 def main() -> None:
-    """Solve what lacks, and write the table of all that is there."""
+    """Solve what lacks, and put the rows in place of earlier ones of the same cases."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("earlier", type=Path, help="the earlier checkout")
     parser.add_argument("--only", type=int, choices=POUCHES, help="devices of this number of pouches alone")
@@ -118,12 +122,6 @@ def main() -> None:
     devices = [d for d in DEVICES[: chosen.first] if chosen.only in (None, d[0])]
     jobs = [(s, *d) for d in devices for s in (EARLIER, *SETTINGS)]
     places = {job: folder / "_".join(map(str, job)) for job in jobs}
-    commits = {
-        checkout: subprocess.run(
-            ["git", "rev-parse", "--short=7", "HEAD"], cwd=checkout, capture_output=True, text=True, check=True
-        ).stdout.strip()
-        for checkout in (earlier, ROOT)
-    }
 
     def run(job: tuple[str, int, float]) -> None:
         solve(earlier if job[0] == EARLIER else ROOT, places[job], *job)
@@ -133,11 +131,10 @@ def main() -> None:
         list(pool.map(run, jobs))
     rows = []
     for device in devices:
-        (first, reference), *others = (
-            row(places[s, *device], commits[earlier if s == EARLIER else ROOT], s, *device) for s in (EARLIER, *SETTINGS)
-        )
+        (first, reference), *others = (row(places[s, *device], s, *device) for s in (EARLIER, *SETTINGS))
         rows += [first | {"apart": 0.0}, *(r | {"apart": apart(ramp, reference, device[1])} for r, ramp in others)]
-    table = pd.DataFrame(rows, columns=COLUMNS)
+    kept, measured = read_before(chosen.keep), pd.DataFrame(rows, columns=COLUMNS)
+    table = pd.concat([kept, measured]).drop_duplicates(KEYS, keep="last") if len(kept) else measured
     write_whole(chosen.keep, lambda path: table.to_csv(path, index=False))
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from limo.reports.markdown import markdown_table, number, percent, read_rows
+from limo.reports.markdown import markdown_table, number, percent, rows_if_any
 
 KEYS = ["n_pouches", "ventricular_pressure", "setting"]
 COLUMNS = [
@@ -59,9 +59,7 @@ SETTINGS = {
 
 def read_before(file: Path) -> pd.DataFrame:
     """The rows that were measured, none if there is no file. Raises ``ResultError``."""
-    if not file.exists():
-        return pd.DataFrame(columns=COLUMNS)
-    return read_rows(file, "measurements beside an earlier build", COLUMNS)
+    return rows_if_any(file, "measurements beside an earlier build", COLUMNS)
 
 
 def before_section(rows: pd.DataFrame) -> list[str]:

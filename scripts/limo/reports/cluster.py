@@ -27,7 +27,7 @@ from limo.cluster.profile import read_profile
 from limo.config.builds import open_project
 from limo.errors import LimoError
 from limo.reports import stand_in
-from limo.reports.markdown import markdown_table, read_rows
+from limo.reports.markdown import markdown_table, rows_if_any
 from limo.store.files import write_whole
 from limo.store.machine import processor
 from limo.store.results import Results
@@ -352,7 +352,7 @@ def keep(rows: pd.DataFrame, file: Path) -> pd.DataFrame:
 
 def read_cluster(file: Path) -> pd.DataFrame:
     """The rows that ``keep`` wrote, none if there is no file. Raises ``ResultError``."""
-    return read_rows(file, "measured sweeps on a cluster", COLUMNS) if file.exists() else pd.DataFrame(columns=COLUMNS)
+    return rows_if_any(file, "measured sweeps on a cluster", COLUMNS)
 
 
 def cluster_table(rows: pd.DataFrame) -> str:

@@ -20,7 +20,7 @@ import pandas as pd
 import yaml
 
 from limo.errors import LimoError
-from limo.reports.markdown import markdown_table, read_rows
+from limo.reports.markdown import markdown_table, rows_if_any
 from limo.reports.overhead import THOUSAND
 from limo.store.files import write_whole
 from limo.store.machine import processor
@@ -151,9 +151,7 @@ def keep(rows: pd.DataFrame, file: Path) -> None:
 
 def read_entry(file: Path) -> pd.DataFrame:
     """The rows that ``keep`` wrote, none if there is no file. Raises ``ResultError``."""
-    if not file.exists():
-        return pd.DataFrame(columns=COLUMNS)
-    return read_rows(file, "measured times", COLUMNS)
+    return rows_if_any(file, "measured times", COLUMNS)
 
 
 def entry_table(rows: pd.DataFrame) -> str:

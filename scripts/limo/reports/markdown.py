@@ -36,6 +36,11 @@ def read_rows(file: Path, what: str, needed: Sequence[str], **options: Any) -> p
     return rows
 
 
+def rows_if_any(file: Path, what: str, columns: Sequence[str]) -> pd.DataFrame:
+    """As ``read_rows``; no rows, with ``columns``, where there is no file."""
+    return read_rows(file, what, columns) if file.exists() else pd.DataFrame(columns=list(columns))
+
+
 def markdown_table(table: pd.DataFrame) -> str:
     """A table as markdown, with ``/`` for what would divide a cell; an empty one says that nothing was measured."""
     if table.empty:

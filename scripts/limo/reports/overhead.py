@@ -17,7 +17,7 @@ import yaml
 from limo.cases.plan import make_plan
 from limo.config.load import load_config
 from limo.errors import LimoError
-from limo.reports.markdown import read_rows
+from limo.reports.markdown import rows_if_any
 from limo.store.files import write_whole
 from limo.store.machine import processor
 
@@ -72,9 +72,7 @@ def record_overhead(config: Path, file: Path) -> str:
 
 def read_overhead(file: Path) -> pd.DataFrame:
     """The rows that ``record_overhead`` wrote, none if there is no file. Raises ``ResultError``."""
-    if not file.exists():
-        return pd.DataFrame(columns=COLUMNS)
-    return read_rows(file, "measured times", COLUMNS)
+    return rows_if_any(file, "measured times", COLUMNS)
 
 
 def _run(arguments: list[str], folder: Path, snakefile: Path) -> tuple[float, str]:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from limo.reports.markdown import markdown_table, number, read_rows, signed_percent
+from limo.reports.markdown import markdown_table, number, rows_if_any, signed_percent
 
 KEYS = ["case", "code", "model", "n"]
 COLUMNS = [
@@ -45,9 +45,7 @@ MYLAR = {"height": 91.39, "rim": 152.55, "volume": 1.21852}
 
 def read_peer(file: Path) -> pd.DataFrame:
     """The rows that were measured, none if there is no file. Raises ``ResultError``."""
-    if not file.exists():
-        return pd.DataFrame(columns=COLUMNS)
-    return read_rows(file, "measurements beside a peer", COLUMNS)
+    return rows_if_any(file, "measurements beside a peer", COLUMNS)
 
 
 def peer_section(rows: pd.DataFrame) -> list[str]:
