@@ -1,6 +1,6 @@
 """An earlier build of this project beside today's: both solve the same devices, and rows go into docs/data/before.csv.
 
-    PYTHONPATH=scripts .venv/bin/python scripts/peer/before.py ../earlier [--only 8] [--folder .local/before]
+    PYTHONPATH=scripts .venv/bin/python scripts/peer/before.py ../earlier [--only 8] [--settings bricks standard]
 
 The earlier checkout is set up (``make setup``) and has its own configuration, engine and packages. What is solved stays in the
 folder and is not solved again. Two cases run at a time, on one thread each. CPU time is that of a case and of the states of
@@ -115,12 +115,14 @@ def main() -> None:
     parser.add_argument("earlier", type=Path, help="the earlier checkout")
     parser.add_argument("--only", type=int, choices=POUCHES, help="devices of this number of pouches alone")
     parser.add_argument("--first", type=int, default=len(DEVICES), help="so many devices (default: all)")
+    parser.add_argument("--settings", nargs="+", choices=SETTINGS, default=[*SETTINGS], help="those of today (default: all)")
     parser.add_argument("--folder", type=Path, default=ROOT / ".local/before", help="where cases are solved and kept")
     parser.add_argument("--keep", type=Path, default=ROOT / "docs/data/before.csv", help="the table of rows")
     chosen = parser.parse_args()
     earlier, folder = chosen.earlier.resolve(), chosen.folder.resolve()
     devices = [d for d in DEVICES[: chosen.first] if chosen.only in (None, d[0])]
-    jobs = [(s, *d) for d in devices for s in (EARLIER, *SETTINGS)]
+    settings = (EARLIER, *chosen.settings)
+    jobs = [(s, *d) for d in devices for s in settings]
     places = {job: folder / "_".join(map(str, job)) for job in jobs}
 
     def run(job: tuple[str, int, float]) -> None:
@@ -131,7 +133,7 @@ def main() -> None:
         list(pool.map(run, jobs))
     rows = []
     for device in devices:
-        (first, reference), *others = (row(places[s, *device], s, *device) for s in (EARLIER, *SETTINGS))
+        (first, reference), *others = (row(places[s, *device], s, *device) for s in settings)
         rows += [first | {"apart": 0.0}, *(r | {"apart": apart(ramp, reference, device[1])} for r, ramp in others)]
     kept, measured = read_before(chosen.keep), pd.DataFrame(rows, columns=COLUMNS)
     table = pd.concat([kept, measured]).drop_duplicates(KEYS, keep="last") if len(kept) else measured

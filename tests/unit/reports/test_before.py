@@ -9,7 +9,7 @@ import yaml
 from limo.cases.grid import study_cases
 from limo.config.load import load_config
 from limo.errors import ResultError
-from limo.reports.before import COLUMNS, EARLIER, SETTINGS, before_section, read_before
+from limo.reports.before import COLUMNS, EARLIER, SETTINGS, before_section, read_before, times_less
 from tests.helpers.cases import without_studies
 
 
@@ -59,6 +59,8 @@ def test_a_setting_is_compared_with_the_earlier_build(cpu, energy, less, lower):
     assert f"| {lower} |" in line
     assert "| 1.2% |" in line
     assert "`7cdfcb9`" in text
+    assert times_less(rows(cpu, energy), "bricks").to_dict() == {(8, 3.8): pytest.approx(1000.0 / cpu)}
+    assert times_less(rows(cpu, energy), "shells").empty
 
 
 def test_a_gap_says_how_it_is_filled_and_another_table_is_refused(tmp_path):

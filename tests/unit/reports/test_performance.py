@@ -12,7 +12,7 @@ from limo.reports.cluster import read_cluster
 from limo.reports.entry import read_entry
 from limo.reports.overhead import COLUMNS, read_overhead
 from limo.reports.peer import read_peer
-from limo.reports.performance import measurements, read_measurements, record, report
+from limo.reports.performance import _levers, measurements, read_measurements, record, report
 from limo.schema.study import Study
 from limo.store.files import write_json
 from tests.helpers.curves import history_of
@@ -82,8 +82,22 @@ def test_the_report_judges_changes_and_targets_by_the_numbers(tmp_path, measured
     assert "60 times" in lines[0]
     assert lines[0].endswith("yes |")
     assert "not measured" in next(line for line in text.splitlines() if "`grid_preview_newton`, 19" in line)
+    assert "not measured" in next(line for line in text.splitlines() if "earlier build's `standard`" in line)
     assert "| nothing to do in 19 solved cases | at most 5 s | 4 s | yes |" in text
     assert "| dry run of a study of 1,000 cases | at most 15 s | 16 s | no |" in text
+
+
+def test_changes_of_one_case_are_compared_with_its_first(measured):
+    """Not with those of another case by the same engine."""
+    row = measured.assign(batch="levers", engine="newton", status="converged", stroke=100.0)
+    rows = [
+        row.assign(study=study, variant=f"{study}_{name}", change=name, cpu_seconds=seconds)
+        for study, cost in (("small", 10.0), ("large", 100.0))
+        for name, seconds in (("first", cost), ("half", 0.5 * cost))
+    ]
+    table = _levers(pd.concat(rows))
+    assert list(table.share) == ["1.00", "0.50"] * 2
+    assert list(table.pays) == ["-", "yes"] * 2
 
 
 def test_times_of_snakemake_are_read_and_none_where_none_were_measured(tmp_path):
