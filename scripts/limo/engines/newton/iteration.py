@@ -75,6 +75,8 @@ SMALLEST_VOLUME, LARGEST_GROWTH = 0.7, 0.25
 LEAST_VOLUME = 0.2
 #: first steps from the state of another mesh in which elements may lose what they like: it has creases where it cannot fold
 UNGUARDED = 3
+#: how many times the most iterations at one load it may take to rest from there: the flat fit that it saves takes more
+PATIENCE = 3
 #: shares of a step that are tried before the shift is raised
 CUTS = (1.0, 0.5, 0.25, 0.125)
 TINY = np.finfo(float).tiny
@@ -237,7 +239,7 @@ class Run:
         self.start_from(start)
         self._unguarded = UNGUARDED
         try:
-            self.advance(HOLD, 1.0, self.model.loading.ventricular_pressure, 0.0)
+            self.advance(HOLD, 1.0, self.model.loading.ventricular_pressure, 0.0, PATIENCE)
         except PathEndedError as stop:
             if stop.status != "diverged":
                 raise
@@ -338,15 +340,18 @@ class Run:
             self._placed = free, prescribed, self.assembly.expand(free) + prescribed * self.assembly.prescribed
         return self._placed[2]
 
-    def advance(self, stage: int, share: float, ventricular: float, actuation: float) -> None:
-        """Bring the device to rest at a share of the prescribed displacements and at pressures in kPa."""
+    def advance(self, stage: int, share: float, ventricular: float, actuation: float, patience: int = 1) -> None:
+        """Bring the device to rest at a share of the prescribed displacements and at pressures in kPa.
+
+        ``patience``: how many times the setting's ``iterations`` it may take. Raises ``PathEndedError``.
+        """
         name = self.stage = STAGES[stage]
         state, assembly, settings = self.state, self.assembly, self.settings
-        before, correction = state.free, np.inf
+        before, correction, most = state.free, np.inf, patience * settings.iterations
         moved = (share - state.prescribed) * assembly.prescribed if share != state.prescribed else None
         if self.mixed is not None:
             self.mixed.forget()
-        for _ in range(settings.iterations):
+        for _ in range(most):
             if time.monotonic() > self.deadline:
                 raise PathEndedError("timed_out", f"stopped at P_a = {actuation:g} kPa of the {name} after the time limit")
             u, inside, pressed = self.forces_at(ventricular, actuation)
@@ -368,7 +373,7 @@ class Run:
         else:
             raise PathEndedError(
                 "diverged",
-                f"no equilibrium at P_a = {actuation:g} kPa of the {name} in {settings.iterations} iterations: residual "
+                f"no equilibrium at P_a = {actuation:g} kPa of the {name} in {most} iterations: residual "
                 f"{size / load:.2g} of the load, correction {correction:.2g} mm",
             )
         self.accept(stage, ventricular, actuation, float(size / load))
