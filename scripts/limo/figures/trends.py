@@ -9,7 +9,7 @@ import xarray as xr
 from limo.datasets.curves import at_end
 from limo.figures import pictures, style
 from limo.measure.states import lowest
-from limo.store.statuses import MEASURED
+from limo.store.statuses import MEASURED, USABLE
 
 #: axes that may be drawn along, the first one that a study varies, and what stands below
 ALONG = {
@@ -21,10 +21,15 @@ ALONG = {
     "ventricular_pressure": "$P_v$ [kPa]",
     "n_pouches": "$N_p$ [-]",
 }
+#: beginnings of the numbers that a case has however far it came: they are of states that it passed
+PASSED = ("$V_v$ at rest", "Efficiency at 90 ml")
 
 
 def numbers_of(dataset: xr.Dataset) -> dict[str, xr.DataArray]:
-    """What is drawn, by the text beside its axis: numbers of every case that the study has."""
+    """What is drawn, by the text beside its axis: numbers of every case that the study has.
+
+    A case that ended before P_a,max has those of ``PASSED`` alone.
+    """
     found = {
         "$V_v$ at rest [ml]": dataset.ventricle_volume.isel(actuation_pressure=0, drop=True),
         "Stroke at $P_{a,max}$ [ml]": at_end(dataset.stroke_volume),
@@ -46,7 +51,8 @@ def numbers_of(dataset: xr.Dataset) -> dict[str, xr.DataArray]:
     if "buckling_jump" in dataset:
         jump = np.abs(dataset.buckling_jump).max("event").fillna(0.0)
         found["Largest jump of the stroke [ml]"] = jump.where(dataset.measure_status == MEASURED)
-    return found
+    usable = dataset.case_status.isin(USABLE)
+    return {text: values if text.startswith(PASSED) else values.where(usable) for text, values in found.items()}
 
 
 def known(numbers: dict[str, xr.DataArray]) -> dict[str, xr.DataArray]:

@@ -49,6 +49,22 @@ def test_the_lowest_solutions_are_drawn_over_what_is_varied_with_bars_of_the_oth
     style.close(figure)
 
 
+def test_a_solution_that_ended_early_has_the_numbers_alone_that_it_passed():
+    study = study_of("bending_factor", [0.1, 1.0])
+    ended, beyond = {"n_pouches": 6, "bending_factor": 0.1, "branch": 1}, study.actuation_pressure > 30
+    study["case_status"].loc[ended] = "diverged"
+    for name in ("stroke_volume", "io_ratio"):
+        study[name].loc[ended] = study[name].loc[ended].where(~beyond)
+    numbers = trends.numbers_of(study)
+    assert {text: bool(values.loc[ended].isnull()) for text, values in numbers.items()} == {
+        "$V_v$ at rest [ml]": False,
+        "Stroke at $P_{a,max}$ [ml]": True,
+        "Ratio $\\Delta V_v / V_a$ at $P_{a,max}$ [-]": True,
+        "Efficiency at 90 ml [%]": False,
+    }
+    assert sum(int(values.isnull().sum()) for values in numbers.values()) == 2
+
+
 def test_what_is_not_measured_has_no_jump_and_yarns_are_drawn_where_there_are_some():
     study = study_of("bending_factor", [0.1, 1.0])
     dims = study.case_status.dims
