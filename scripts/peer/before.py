@@ -58,7 +58,7 @@ def solve(checkout: Path, folder: Path, setting: str, n_pouches: int, ventricula
     file = folder / "config/studies/pair.yaml"
     file.write_text(yaml.safe_dump(study(setting, n_pouches, ventricular)))
     command = [
-        *(checkout / ".venv/bin/snakemake", "pair", "--until", "solve_case", "--cores", "1", "--quiet", "all"),
+        *(checkout / ".venv/bin/snakemake", "pair", "--cores", "1", "--quiet", "all"),
         *("--snakefile", checkout / "Snakefile", "--directory", folder),
         *("--config", f"file={folder / 'config/config.yaml'}"),
     ]
