@@ -21,8 +21,9 @@ ALONG = {
     "ventricular_pressure": "$P_v$ [kPa]",
     "n_pouches": "$N_p$ [-]",
 }
-#: beginnings of the numbers that a case has however far it came: they are of states that it passed
-PASSED = ("$V_v$ at rest", "Efficiency at 90 ml")
+AT_REST, AT_90_ML = "$V_v$ at rest [ml]", "Efficiency at 90 ml [%]"
+#: the numbers that a case has however far it came: they are of states that it passed
+PASSED = (AT_REST, AT_90_ML)
 
 
 def numbers_of(dataset: xr.Dataset) -> dict[str, xr.DataArray]:
@@ -31,10 +32,10 @@ def numbers_of(dataset: xr.Dataset) -> dict[str, xr.DataArray]:
     A case that ended before P_a,max has those of ``PASSED`` alone.
     """
     found = {
-        "$V_v$ at rest [ml]": dataset.ventricle_volume.isel(actuation_pressure=0, drop=True),
+        AT_REST: dataset.ventricle_volume.isel(actuation_pressure=0, drop=True),
         "Stroke at $P_{a,max}$ [ml]": at_end(dataset.stroke_volume),
         "Ratio $\\Delta V_v / V_a$ at $P_{a,max}$ [-]": at_end(dataset.io_ratio),
-        "Efficiency at 90 ml [%]": 100 * dataset.efficiency_90ml,
+        AT_90_ML: 100 * dataset.efficiency_90ml,
     }
     if "von_mises_peak" in dataset:
         found["Peak von Mises stress [MPa]"] = dataset.von_mises_peak.isel(frame=-1, drop=True)
@@ -52,7 +53,7 @@ def numbers_of(dataset: xr.Dataset) -> dict[str, xr.DataArray]:
         jump = np.abs(dataset.buckling_jump).max("event").fillna(0.0)
         found["Largest jump of the stroke [ml]"] = jump.where(dataset.measure_status == MEASURED)
     usable = dataset.case_status.isin(USABLE)
-    return {text: values if text.startswith(PASSED) else values.where(usable) for text, values in found.items()}
+    return {text: values if text in PASSED else values.where(usable) for text, values in found.items()}
 
 
 def known(numbers: dict[str, xr.DataArray]) -> dict[str, xr.DataArray]:

@@ -128,6 +128,8 @@ def read_measurements(file: Path) -> pd.DataFrame:
 #: a change pays when it takes less than this share of the CPU time, moves the stroke at the end by less than this, and
 #: dissipates at most this many times as much
 PAYS, HARMLESS, DISSIPATES = 0.95, 0.03, 1.2
+#: variants of the batch `levers` that others are compared with
+BASES = ("base", "newton", "flat")
 #: variants of the batches `levers` and `stock` that stand for an engine, a build and a deck
 BUILDS = ("base", "paper", "newton")
 #: the deck of a row that is not of the paper's, by engine
@@ -162,10 +164,9 @@ def report(
         markdown_table(_engines(rows)),
         "## One change at a time",
         "Two cases at P_v = 3.8 kPa (`config/levers`): a small one by both engines, and one of the size of `standard` for the "
-        "levers of engine newton. Each change is compared with the first line of its case and engine, in which no lever is "
-        f"pulled but what the engine does by itself. It pays if it takes less than {PAYS:.0%} of the CPU time. It must also move "
-        f"the stroke by less than {HARMLESS:.0%} and dissipate at most {DISSIPATES:g} times as much. CPU time includes the "
-        "states of coarser meshes that a case begins at.",
+        "levers of engine newton. Each change is compared with the first line of its case and engine. It pays if it takes less "
+        f"than {PAYS:.0%} of the CPU time. It must also move the stroke by less than {HARMLESS:.0%} and dissipate at most "
+        f"{DISSIPATES:g} times as much. CPU time includes the states of coarser meshes that a case begins at.",
         markdown_table(_levers(rows)),
         "## Builds, and the deck of the paper",
         "All rows are the same case on `preview` (`config/levers`, `config/stock`). The deck `paper` was stopped by a time "
@@ -292,11 +293,14 @@ def _engines(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def _levers(rows: pd.DataFrame) -> pd.DataFrame:
-    """A line a change, those of one case and engine together, and the first of them first."""
+    """A line a change, those of one case and engine together, the one of ``BASES`` first; none without it."""
     table = []
     for (_, engine), group in rows[rows.batch == "levers"].groupby(["study", "engine"], sort=False):
-        first = group.iloc[0]
-        for row in group.itertuples():
+        is_base = group.variant.isin(BASES)
+        if not is_base.any():
+            continue
+        first = group[is_base].iloc[0]
+        for row in pd.concat([group[is_base], group[~is_base]]).itertuples():
             share, moved = row.cpu_seconds / first.cpu_seconds, row.stroke / first.stroke - 1
             harmless = abs(moved) < HARMLESS and row.dissipated_fraction <= DISSIPATES * first.dissipated_fraction
             pays = "-" if row.variant == first.variant else "yes" if share < PAYS and harmless else "no"
@@ -346,6 +350,7 @@ def _targets(rows: pd.DataFrame, overhead: pd.DataFrame, before: pd.DataFrame) -
     table = []
 
     def add(name: str, value: float | None, limit: float, unit: str, most: bool = True) -> None:
+        value = None if pd.isna(value) else value
         met = "not measured" if value is None else "yes" if (value <= limit) == most else "no"
         bound = f"{'at most' if most else 'at least'} {limit:g} {unit}"
         measured = "-" if value is None else f"{value:,.0f} {unit}" if value >= 1000 else f"{value:.3g} {unit}"
@@ -377,7 +382,7 @@ def _targets(rows: pd.DataFrame, overhead: pd.DataFrame, before: pd.DataFrame) -
             add(f"less CPU than the deck of the paper on the stock build: {engine}", ratio, limit, "times", most=False)
     for setting, limit in (("bricks", 2.5), ("shells", 5)):
         name = f"less CPU than an earlier build's `standard`, median of its devices: {SETTINGS[setting].words}"
-        add(name, times_less(before, setting).median() if len(before) else None, limit, "times", most=False)
+        add(name, times_less(before, setting).median(), limit, "times", most=False)
     for what, name, limit in ((NOTHING, "nothing to do in {} solved cases", 5), (PLANNING, "dry run of a study of {} cases", 15)):
         group = overhead[overhead.what == what]
         cases = f"{group.cases.iloc[0]:,}" if len(group) else "any"

@@ -7,7 +7,8 @@ from limo.cases.grid import study_cases
 from limo.cases.plan import make_plan
 from limo.config.project import Project
 from limo.errors import ResultError
-from limo.reports.before import read_before
+from limo.reports.before import COLUMNS as BEFORE
+from limo.reports.before import EARLIER, read_before
 from limo.reports.cluster import read_cluster
 from limo.reports.entry import read_entry
 from limo.reports.overhead import COLUMNS, read_overhead
@@ -66,14 +67,19 @@ def test_the_report_judges_changes_and_targets_by_the_numbers(tmp_path, measured
     variants = {"faster": (50.0, 101.0), "wrong": (50.0, 110.0), "slower": (99.0, 100.0)}
     rows = [base, *(base.assign(variant=n, change=n, cpu_seconds=c, stroke=s) for n, (c, s) in variants.items())]
     paper = base.assign(batch="stock", variant="paper", cpu_seconds=600.0, path_share=0.1)
+    pair = dict.fromkeys(BEFORE, 1) | {"setting": "bricks", "commit": "a", "machine": "a", "cpu_seconds": 1000.0}
     overhead = pd.DataFrame([("no_op", 19, 4.0, 3, "a"), ("dry_run", 1000, 16.0, 3, "a")], columns=COLUMNS)
-    text = report(
-        pd.concat([*rows, paper], ignore_index=True),
-        overhead,
-        read_entry(tmp_path / "entry.csv"),
-        read_cluster(tmp_path / "no.csv"),
-        read_peer(tmp_path / "no.csv"),
-        read_before(tmp_path / "no.csv"),
+    beside = read_before(tmp_path / "no.csv"), pd.DataFrame([pair | {"setting": EARLIER}, pair | {"cpu_seconds": 250.0}])
+    text, later = (
+        report(
+            pd.concat([*rows, paper], ignore_index=True),
+            overhead,
+            read_entry(tmp_path / "entry.csv"),
+            read_cluster(tmp_path / "no.csv"),
+            read_peer(tmp_path / "no.csv"),
+            before,
+        )
+        for before in beside
     )
     verdict = {n: next(line for line in text.splitlines() if f"| {n} |" in line).split("|")[-2].strip() for n in variants}
     assert verdict == {"faster": "yes", "wrong": "no", "slower": "no"}
@@ -82,22 +88,25 @@ def test_the_report_judges_changes_and_targets_by_the_numbers(tmp_path, measured
     assert "60 times" in lines[0]
     assert lines[0].endswith("yes |")
     assert "not measured" in next(line for line in text.splitlines() if "`grid_preview_newton`, 19" in line)
-    assert "not measured" in next(line for line in text.splitlines() if "earlier build's `standard`" in line)
+    targets = [[line for line in each.splitlines() if "earlier build's `standard`" in line] for each in (text, later)]
+    assert [[line.split("|")[-2].strip() for line in each] for each in targets] == [["not measured"] * 2, ["yes", "not measured"]]
+    assert "| 4 times |" in targets[1][0]
     assert "| nothing to do in 19 solved cases | at most 5 s | 4 s | yes |" in text
     assert "| dry run of a study of 1,000 cases | at most 15 s | 16 s | no |" in text
 
 
-def test_changes_of_one_case_are_compared_with_its_first(measured):
+def test_changes_are_compared_with_the_base_of_their_case(measured):
     """Not with those of another case by the same engine."""
     row = measured.assign(batch="levers", engine="newton", status="converged", stroke=100.0)
     rows = [
-        row.assign(study=study, variant=f"{study}_{name}", change=name, cpu_seconds=seconds)
-        for study, cost in (("small", 10.0), ("large", 100.0))
-        for name, seconds in (("first", cost), ("half", 0.5 * cost))
+        row.assign(study=study, variant=name, change=name, cpu_seconds=seconds)
+        for study, base, cost in (("small", "newton", 10.0), ("large", "flat", 100.0))
+        for name, seconds in (("half", 0.5 * cost), (base, cost))  # measured later than the change
     ]
     table = _levers(pd.concat(rows))
     assert list(table.share) == ["1.00", "0.50"] * 2
     assert list(table.pays) == ["-", "yes"] * 2
+    assert _levers(rows[0]).empty, "without its base"
 
 
 def test_times_of_snakemake_are_read_and_none_where_none_were_measured(tmp_path):
