@@ -39,20 +39,27 @@ class Setting:
     study: dict
 
 
-def _shells(level: str) -> dict:
-    return {"engine": "newton", "mesh": {"level": level, "element": "SHELL8R"}}
+def _mesh(level: str, element: str) -> dict:
+    return {"engine": "newton", "mesh": {"level": level, "element": element}}
 
 
-def _begun_on(*levels: str) -> dict:
-    return {"variants": {"nested": {"numerics": {"newton": {"fit_on": list(levels)}}}}}
+def _begun_on(*levels: str, **others: str) -> dict:
+    return {"variants": {"nested": {"numerics": {"newton": {"fit_on": list(levels)} | others}}}}
 
 
+_BRICKS = _mesh("medium", "C3D20R")
 #: what is solved beside the earlier build
 SETTINGS = {
-    "bricks_flat": Setting("bricks, fitted from the flat state", {"preset": "bricks"}),
-    "bricks": Setting("bricks, begun at rest on coarser meshes", {"preset": "bricks"} | _begun_on("preview", "coarse")),
-    "shells": Setting("shells on the same mesh, begun likewise", _shells("medium") | _begun_on("preview", "coarse")),
-    "shells_coarse": Setting("shells on the mesh level coarse, begun likewise", _shells("coarse") | _begun_on("preview")),
+    "bricks_flat": Setting("bricks, fitted from the flat state", _BRICKS),
+    "bricks_nested": Setting("bricks, begun at rest on coarser meshes", _BRICKS | _begun_on("preview", "coarse")),
+    "bricks": Setting(
+        "bricks, begun likewise, geometric stiffness mixed",
+        _BRICKS | _begun_on("preview", "coarse", geometric_stiffness="mixed"),
+    ),
+    "shells": Setting("shells on the same mesh, begun likewise", _mesh("medium", "SHELL8R") | _begun_on("preview", "coarse")),
+    "shells_coarse": Setting(
+        "shells on the mesh level coarse, begun likewise", _mesh("coarse", "SHELL8R") | _begun_on("preview")
+    ),
     "standard": Setting("preset `standard`: those shells, layers touch", {"preset": "standard"}),
 }
 
@@ -62,9 +69,9 @@ def read_before(file: Path) -> pd.DataFrame:
     return rows_if_any(file, "measurements beside an earlier build", COLUMNS)
 
 
-def times_less(rows: pd.DataFrame, setting: str) -> pd.Series:
-    """CPU time of the earlier build over that of a setting, by number of pouches and P_v (kPa)."""
-    earlier, today = (rows[rows.setting == name].set_index(KEYS[:2]).cpu_seconds for name in (EARLIER, setting))
+def times_less(rows: pd.DataFrame, setting: str, of: str = "cpu_seconds") -> pd.Series:
+    """CPU time or another column of the earlier build over that of a setting, by number of pouches and P_v (kPa)."""
+    earlier, today = (rows[rows.setting == name].set_index(KEYS[:2])[of] for name in (EARLIER, setting))
     return (earlier / today).dropna()
 
 

@@ -380,9 +380,11 @@ def _targets(rows: pd.DataFrame, overhead: pd.DataFrame, before: pd.DataFrame) -
             ours = rows[(rows.batch == "levers") & (rows.variant == {"calculix": "base"}.get(engine, engine))].cpu_seconds
             ratio = paper.max() / ours.min() if len(paper) and len(ours) else None
             add(f"less CPU than the deck of the paper on the stock build: {engine}", ratio, limit, "times", most=False)
-    for setting, limit in (("bricks", 2.5), ("shells", 5)):
+    for setting, limit in (("bricks", 2.5), ("shells_coarse", 5)):
         name = f"less CPU than an earlier build's `standard`, median of its devices: {SETTINGS[setting].words}"
         add(name, times_less(before, setting).median(), limit, "times", most=False)
+    more = 1 / times_less(before, "bricks", "memory_mib")
+    add(f"memory over that of the earlier build's `standard`: {SETTINGS['bricks'].words}", more.max(), 1, "times")
     for what, name, limit in ((NOTHING, "nothing to do in {} solved cases", 5), (PLANNING, "dry run of a study of {} cases", 15)):
         group = overhead[overhead.what == what]
         cases = f"{group.cases.iloc[0]:,}" if len(group) else "any"

@@ -89,7 +89,10 @@ def test_the_report_judges_changes_and_targets_by_the_numbers(tmp_path, measured
     assert lines[0].endswith("yes |")
     assert "not measured" in next(line for line in text.splitlines() if "`grid_preview_newton`, 19" in line)
     targets = [[line for line in each.splitlines() if "earlier build's `standard`" in line] for each in (text, later)]
-    assert [[line.split("|")[-2].strip() for line in each] for each in targets] == [["not measured"] * 2, ["yes", "not measured"]]
+    assert [[line.split("|")[-2].strip() for line in each] for each in targets] == [
+        ["not measured"] * 3,
+        ["yes", "not measured", "yes"],
+    ]
     assert "| 4 times |" in targets[1][0]
     assert "| nothing to do in 19 solved cases | at most 5 s | 4 s | yes |" in text
     assert "| dry run of a study of 1,000 cases | at most 15 s | 16 s | no |" in text

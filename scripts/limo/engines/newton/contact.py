@@ -62,13 +62,13 @@ class ContactTangent:
         self.chosen = np.ones(len(pairs), bool)
 
     def _entries(self, nodes: np.ndarray, directions: tuple, unknowns: Unknowns | Directors) -> tuple[np.ndarray, ...]:
-        """Row times size plus column, factors and flat sources of the entries of the tangents of quadrilaterals or of pairs."""
+        """As ``entries_of``, of the tangents of quadrilaterals or of pairs."""
         slots, shares = unknowns.middle(nodes, self._assembly.model.expansion)
-        rows, columns, factors, found = entries_of(slots, unknowns, directions, shares)
+        keys, factors, found = entries_of(slots, unknowns, directions, shares)
         per, count = nodes.shape[1], len(directions)
         element, n, part, m = np.unravel_index(found, (len(nodes), slots.shape[1], count, slots.shape[1]))
         sources = ((element * per + n % per) * count + part) * per + m % per
-        return rows.astype(np.int64) * unknowns.size + columns, factors, sources.astype(np.int32)
+        return keys, factors, sources.astype(np.int32)
 
     def choose(self, chosen: np.ndarray | None = None) -> np.ndarray:
         """Keep the entries of pairs ``chosen`` (q,), by default of all; their places in a pattern, row times size plus column."""

@@ -9,8 +9,10 @@ from limo.engines.newton.unknowns import Unknowns
 
 def entries_of(
     slots: np.ndarray, unknowns: Unknowns, pairs: tuple[tuple[int, int], ...], shares: np.ndarray | None = None
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Entries of blocks (m, k, p, k) of elements with ``slots`` (m, k): rows, columns, factors, flat sources.
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Entries of blocks (m, k, p, k) of elements with ``slots`` (m, k): keys, factors, flat sources.
+
+    An entry's key is its row times the number of unknowns plus its column.
 
     ``pairs``: p pairs of directions. ``shares`` (m, k) multiply a slot's rows and columns; those of zero are left out.
 
@@ -18,27 +20,27 @@ def entries_of(
     onto the diagonal stands for its mirror image too.
     """
     count, per = slots.shape
-    free, factor = unknowns.free, unknowns.factor
+    free, factor = unknowns.free.astype(np.int64), unknowns.factor
     shape = (count, per, len(pairs), per)
-    sources = np.arange(np.prod(shape)).reshape(shape)
-    rows, columns, values, taken = [], [], [], []
+    sources = np.arange(np.prod(shape), dtype=np.int32).reshape(shape)
+    keys, values, taken = [], [], []
     upper = np.triu(np.ones((per, per), bool))
     for k, (i, j) in enumerate(pairs):
-        a = np.broadcast_to((3 * slots + i)[:, :, None], (count, per, per))
-        b = np.broadcast_to((3 * slots + j)[:, None, :], (count, per, per))
-        keep = (free[a] >= 0) & (free[b] >= 0)
+        first, second = free[3 * slots + i][:, :, None], free[3 * slots + j][:, None, :]
+        keep = (first >= 0) & (second >= 0)
         if i == j:
             keep &= upper
         if shares is not None:
             keep &= (shares[:, :, None] != 0) & (shares[:, None, :] != 0)
         # of an element that has a node twice, too
-        apart = np.broadcast_to(~np.eye(per, dtype=bool) if i == j else np.ones((per, per), bool), keep.shape)[keep]
-        a, b = a[keep], b[keep]
-        value = factor[a] * factor[b] * np.where(apart & (free[a] == free[b]), 2.0, 1.0)
+        doubled = first == second
+        if i == j:
+            doubled = doubled & ~np.eye(per, dtype=bool)
+        value = factor[3 * slots + i][:, :, None] * factor[3 * slots + j][:, None, :]
+        value[doubled] *= 2.0
         if shares is not None:
-            value *= (shares[:, :, None] * shares[:, None, :])[keep]
-        rows.append(np.minimum(free[a], free[b]))
-        columns.append(np.maximum(free[a], free[b]))
-        values.append(value)
+            value *= shares[:, :, None] * shares[:, None, :]
+        keys.append((np.minimum(first, second) * unknowns.size + np.maximum(first, second))[keep])
+        values.append(value[keep])
         taken.append(sources[:, :, k][keep])
-    return tuple(np.concatenate(x) for x in (rows, columns, values, taken))
+    return tuple(np.concatenate(x) for x in (keys, values, taken))

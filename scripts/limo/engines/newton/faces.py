@@ -39,20 +39,20 @@ class Faces:
         self._turned = 0.5 * np.hstack([(rule[:, None] * turned[0]).T, -(rule[:, None] * turned[1]).T])  # (28, 2 g)
         self.entries_count = 3 * len(first) * len(self.nodes)
 
-    def entries(self, unknowns: Unknowns) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    def entries(self, unknowns: Unknowns) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """As ``entries_of``, into what ``tangent`` gives: a pair's blocks are skew, and so is the pair.
 
         A node counts in the one or two slots that its displacement is made of.
         """
         slots, shares = unknowns.slots_of(self.nodes)
-        rows, columns, factors, sources = entries_of(slots, unknowns, PAIRS[3:], shares)
+        keys, factors, sources = entries_of(slots, unknowns, PAIRS[3:], shares)
         face, n, part, m = np.unravel_index(sources, (len(self.nodes), slots.shape[1], 3, slots.shape[1]))
         n, m = n % 8, m % 8
         pair = np.zeros((8, 8), int)
         pair[self._pair] = np.arange(len(self._pair[0]))
         source = (face * len(self._pair[0]) + pair[np.minimum(n, m), np.maximum(n, m)]) * 3 + part
         apart = n != m
-        return rows[apart], columns[apart], (factors * np.sign(m - n))[apart], source[apart]
+        return keys[apart], (factors * np.sign(m - n))[apart], source[apart]
 
     def _tangents(self, u: np.ndarray) -> np.ndarray:
         """x_,1 at all points, then x_,2: (f, 2 g, 3)."""

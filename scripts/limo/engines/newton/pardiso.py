@@ -207,13 +207,13 @@ def elimination_order(indptr: np.ndarray, indices: np.ndarray, groups: np.ndarra
     same pattern.
     """
     names, group = np.unique(groups, return_inverse=True)
-    size, count = len(groups), len(names)
-    pattern = csr_array((np.ones(len(indices), np.int8), indices, indptr), shape=(size, size)).tocoo()
-    first, second = group[pattern.row], group[pattern.col]
+    count, group = len(names), group.astype(np.int32)
+    first, second = np.repeat(group, np.diff(indptr)), group[indices]
     apart = first != second
-    ends = np.concatenate([first[apart], second[apart]]), np.concatenate([second[apart], first[apart]])
-    graph = csr_array((np.ones(len(ends[0]), np.int32), ends), shape=(count, count))
-    graph.sum_duplicates()
+    half = csr_array((np.ones(np.count_nonzero(apart), np.int8), (first[apart], second[apart])), shape=(count, count))
+    half.data[:] = 1  # sums of duplicates may have gone round to zero
+    graph = half + half.T
+    graph.sort_indices()
     order = np.arange(count)
     if graph.nnz:
         neighbours = pymetis.CSRAdjacency(graph.indptr, graph.indices)

@@ -13,9 +13,17 @@ if TYPE_CHECKING:
 
 def widened(keys: np.ndarray, more: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Rising ``keys`` (n,) with those of ``more`` that they lack, and where each of the n is then (n,)."""
-    lacking = np.setdiff1d(more, keys)
-    places = np.arange(len(keys)) + np.searchsorted(lacking, keys)
-    return np.insert(keys, np.searchsorted(keys, lacking), lacking), places
+    if not more.size:
+        return keys, np.arange(len(keys))
+    more = np.unique(more, return_index=True)[0]  # sorts, which is faster here than numpy's hashing
+    before = np.searchsorted(keys, more)  # as many keys are smaller
+    new = keys[np.minimum(before, len(keys) - 1)] != more
+    lacking, before = more[new], before[new]
+    places = np.arange(len(keys)) + np.cumsum(np.bincount(before, minlength=len(keys) + 1)[: len(keys)])
+    whole = np.empty(len(keys) + len(lacking), keys.dtype)
+    whole[places] = keys
+    whole[before + np.arange(len(lacking))] = lacking
+    return whole, places
 
 
 class Patterned:
@@ -31,40 +39,41 @@ class Patterned:
     mass: np.ndarray
     _places: np.ndarray
     _from_faces: csc_array
+    _own_mass: np.ndarray
     _contact: ContactTangent
 
     def _begin(self, keys: np.ndarray, places: np.ndarray, faces: tuple[np.ndarray, ...], count: int) -> None:
         """Take the pattern without contact.
 
         ``keys``: row times size plus column of its entries, rising. ``places``: where those of elements go, what goes nowhere
-        behind the last. ``faces``: rows, columns, factors and sources of those of faces, of ``count``.
+        behind the last. ``faces``: keys, factors and sources of those of faces, of ``count``.
         """
-        rows, columns, factors, sources = faces
-        self._places = places.astype(np.int32)
-        self._own = (
-            keys,
-            self._places,
-            factors,
-            np.searchsorted(keys, rows * self.size + columns),
-            sources.astype(np.int32),
-            count,
-        )
+        of_faces, factors, sources = faces
+        # by columns: element matrices are read in order
+        of_faces = csc_array((factors, (np.searchsorted(keys, of_faces).astype(np.int32), sources)), shape=(len(keys), count))
+        self._own = keys, places, of_faces
+        self._places, self._from_faces = places, of_faces
         self._index(keys)
 
     def _index(self, keys: np.ndarray) -> None:
         self.indices = (keys % self.size).astype(np.int32)
-        self.indptr = np.searchsorted(keys // self.size, np.arange(self.size + 1)).astype(np.int32)
+        self.indptr = np.searchsorted(keys, np.arange(self.size + 1) * self.size).astype(np.int32)
 
     def touch(self, chosen: np.ndarray | None = None) -> None:
         """Take the entries of pairs ``chosen`` (q,), by default of all, into the pattern, and no others."""
-        own, of_elements, factors, of_faces, sources, count = self._own
+        own, of_elements, of_faces = self._own
         keys, moved = widened(own, self._contact.choose(chosen))
         self._index(keys)
-        self._places = np.append(moved, len(keys)).astype(np.int32)[of_elements]
-        # by columns: element matrices are read in order
-        self._from_faces = csc_array((factors, (moved[of_faces].astype(np.int32), sources)), shape=(len(keys), count))
-        self.mass = np.zeros(len(keys))
-        self.mass[moved] = self._own_mass
+        if len(keys) > len(own):
+            moved = moved.astype(np.int32)
+            self._places = np.append(moved, np.int32(len(keys)))[of_elements]
+            self._from_faces = csc_array(
+                (of_faces.data, moved[of_faces.indices], of_faces.indptr), shape=(len(keys), of_faces.shape[1])
+            )
+            self.mass = np.zeros(len(keys))
+            self.mass[moved] = self._own_mass
+        else:
+            self._places, self._from_faces, self.mass = of_elements, of_faces, self._own_mass
         self._contact.place(keys)
 
     @property

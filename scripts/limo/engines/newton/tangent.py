@@ -62,20 +62,22 @@ class Tangent(Patterned):
 
     def _plan(self) -> None:
         """The pattern, and where in its values the entries of element matrices go."""
-        bricks = entries_of(self._assembly.bricks, self.unknowns, PAIRS)
-        unique, inverse = np.unique(bricks[0] * self.size + bricks[1], return_inverse=True)
+        keys, factors, sources = entries_of(self._assembly.bricks, self.unknowns, PAIRS)
+        unique, inverse = np.unique(keys, return_inverse=True)
+        del keys
+        places = self._places_of(inverse, factors, sources, len(unique))
         faces = self._assembly.faces
         # the slots of a face are among those of its brick
-        self._begin(unique, self._places_of(inverse, *bricks[2:], len(unique)), faces.entries(self.unknowns), faces.entries_count)
+        self._begin(unique, places, faces.entries(self.unknowns), faces.entries_count)
         self._contact = ContactTangent(self._assembly, self.unknowns)
 
     def _places_of(self, places: np.ndarray, factors: np.ndarray, sources: np.ndarray, nowhere: int) -> np.ndarray:
         """Tables for ``kernels.tangent``: an element's entries that count, their places, and factors where any is not one."""
         count, size = len(self._assembly.bricks), 400 * len(PAIRS)
-        self._sources = np.unique(sources % size).astype(np.int32)
+        self._sources = np.flatnonzero(np.bincount(sources % size)).astype(np.int32)
         place = sources // size, np.searchsorted(self._sources, sources % size)
         # what goes nowhere goes behind the last value
-        found = np.full((count, len(self._sources)), nowhere)
+        found = np.full((count, len(self._sources)), nowhere, np.int32)
         found[place] = places
         weights = np.ones(found.shape)
         weights[place] = factors
