@@ -245,10 +245,6 @@ def check_engines(path: Path, study: Study, prefix: str, setting: Setting) -> No
         key, value = ("cross_check", study.cross_check) if study.cross_check else (f"{prefix}engine", setting.engine)
         expected = f"engine {able} alone with actuation_volume: {unable[0]} drives a device by P_a"
         raise ConfigError(path, key, value, expected, f"engine: {able}")
-    levers = setting.numerics.newton
-    if find_element(element).plane_stress and levers.geometric_stiffness != "consistent":
-        key, expected = f"{prefix}numerics.newton.geometric_stiffness", f"consistent with element {element}"
-        raise ConfigError(path, key, levers.geometric_stiffness, expected, "geometric_stiffness: consistent")
 
 
 def check_fit(path: Path, levels: Mapping[str, MeshLevel], prefix: str, setting: Setting) -> None:

@@ -418,15 +418,10 @@ def test_maximum_pressure_is_one_number_or_one_a_ventricular_pressure():
     [
         ({"engine": "calculix"}, "engine", "element C3D20 or C3D20R, which"),
         ({"engine": "newton", "cross_check": 2}, "cross_check", "element C3D20 or C3D20R, which"),
-        (
-            {"engine": "newton", "numerics": {"newton": {"geometric_stiffness": "mixed"}}},
-            "numerics.newton.geometric_stiffness",
-            "consistent with element SHELL8R",
-        ),
     ],
-    ids=["engine", "cross_check", "lever"],
+    ids=["engine", "cross_check"],
 )
-def test_shells_with_directors_are_newtons_alone_and_without_the_mixed_stress(folder, changes, key, expected):
+def test_shells_with_directors_are_newtons_alone(folder, changes, key, expected):
     for name, value in ({"mesh": {"element": "SHELL8R"}} | changes).items():
         edit(folder / STUDY, (name,), value)
     error = error_of(folder)
