@@ -40,7 +40,7 @@ def material(case: Case, **values) -> Case:
 
 def solved(model: Model) -> tuple[newton.Path, np.ndarray]:
     """The engine's path and its last state (n, 3)."""
-    path = newton.solve(model, Solver(time_limit=2))
+    path = newton.solve(model, Solver(time_limit=20))
     assert path.status == "converged", path.reason
     return path, path.displacements(len(path.stage) - 1)
 
@@ -431,7 +431,7 @@ def path_energy(model: Model, path) -> float:
 )
 def test_absurd_pressures_end_the_path_with_a_reason(case, changes):
     model = device(case, **changes)
-    path = newton.solve(model, Solver(time_limit=2))
+    path = newton.solve(model, Solver(time_limit=20))
     assert path.status == "diverged"
     assert "no downhill step" in path.reason
     assert len(path.stage) == len(path.pressure)

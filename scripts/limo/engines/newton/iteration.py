@@ -52,8 +52,8 @@ from limo.schema.solver import Solver
 from limo.store.progress import report
 
 log = logging.getLogger(__name__)
-#: shift (1/s^2) beyond which a step is hopeless
-LARGEST_SHIFT = 1e14
+#: shift (1/s^2) beyond which a step is hopeless, and how many times that at the state of another mesh, where bricks are crushed
+LARGEST_SHIFT, CRUSHED = 1e14, 100
 #: a factor is used again while the residual falls below this share of the one before
 REUSED_WHILE = 0.1
 #: an equilibrium was easy to find with at most this many iterations
@@ -546,6 +546,7 @@ class Run:
         """
         state, growth, refused, shift = self.state, self.settings.shift_growth, self.state.rejected, self.state.shift
         before = self.assembly.volume_ratios(self.displacements())
+        most = LARGEST_SHIFT * (CRUSHED if self._unguarded else 1)
         growth_limit = LARGEST_GROWTH if share == state.prescribed else np.inf  # moved edges stretch what they drag along
         while True:
             negative = self.solver.factorise(values)
@@ -568,11 +569,11 @@ class Run:
             first, tried = state.rejected == refused, state.shift
             state.rejected += 1
             state.shift = max(growth * state.shift, state.last_shift / growth if first else 0.0)
-            if state.shift > LARGEST_SHIFT and self._floor > LEAST_VOLUME:
+            if state.shift > most and self._floor > LEAST_VOLUME:
                 self._floor, state.shift = LEAST_VOLUME, shift
-            elif state.shift > LARGEST_SHIFT:
+            elif state.shift > most:
                 raise PathEndedError(
-                    "diverged", f"no downhill step with a shift up to {LARGEST_SHIFT:.0e} 1/s2 leaves all elements whole"
+                    "diverged", f"no downhill step with a shift up to {most:.0e} 1/s2 leaves all elements whole"
                 )
             values += (state.shift - tried) * self.tangent.mass
 
