@@ -91,3 +91,16 @@ def test_a_rigid_motion_is_carried_whole_and_the_layer_keeps_its_thickness(cases
     placed = shell.nodes + found
     thickness = np.linalg.norm(placed[shell.top] - placed[shell.bottom], axis=1)
     np.testing.assert_allclose(thickness, fine.fabric.thickness, rtol=1e-12)
+
+
+def test_bricks_keep_the_thickness_of_their_state_and_shells_that_at_rest(cases, meshes):
+    for element, left in (("C3D20R", 0.4), ("SHELL8R", 1.0)):
+        coarse, fine = (
+            build_model(replace(case, mesh=case.mesh.model_copy(update={"element": element})), mesh)
+            for case, mesh in zip(cases, meshes, strict=True)
+        )
+        pressed = np.zeros(coarse.expansion.nodes.shape)
+        pressed[coarse.expansion.top, 2] = -0.6 * coarse.fabric.thickness
+        placed = fine.expansion.nodes + carried(coarse, pressed, fine)
+        thickness = placed[fine.expansion.top] - placed[fine.expansion.bottom]
+        np.testing.assert_allclose(thickness, [[0, 0, left * fine.fabric.thickness]] * len(thickness), atol=1e-12)

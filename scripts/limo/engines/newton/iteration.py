@@ -572,9 +572,7 @@ class Run:
             if state.shift > most and self._floor > LEAST_VOLUME:
                 self._floor, state.shift = LEAST_VOLUME, shift
             elif state.shift > most:
-                raise PathEndedError(
-                    "diverged", f"no downhill step with a shift up to {most:.0e} 1/s2 leaves all elements whole"
-                )
+                raise PathEndedError("diverged", f"no downhill step with a shift up to {most:.0e} 1/s2 leaves all elements whole")
             values += (state.shift - tried) * self.tangent.mass
 
     def solution(self, residual: np.ndarray) -> np.ndarray | None:
