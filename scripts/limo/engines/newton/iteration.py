@@ -52,8 +52,8 @@ from limo.schema.solver import Solver
 from limo.store.progress import report
 
 log = logging.getLogger(__name__)
-#: shift (1/s^2) beyond which a step is hopeless, and how many times that at the state of another mesh, where bricks are crushed
-LARGEST_SHIFT, CRUSHED = 1e14, 100
+#: shift (1/s^2) beyond which a step is hopeless, and how many times that in first steps from the state of another mesh
+LARGEST_SHIFT, UNGUARDED_SHIFT = 1e14, 100
 #: a factor is used again while the residual falls below this share of the one before
 REUSED_WHILE = 0.1
 #: an equilibrium was easy to find with at most this many iterations
@@ -546,7 +546,7 @@ class Run:
         """
         state, growth, refused, shift = self.state, self.settings.shift_growth, self.state.rejected, self.state.shift
         before = self.assembly.volume_ratios(self.displacements())
-        most = LARGEST_SHIFT * (CRUSHED if self._unguarded else 1)
+        most = LARGEST_SHIFT * (UNGUARDED_SHIFT if self._unguarded else 1)
         growth_limit = LARGEST_GROWTH if share == state.prescribed else np.inf  # moved edges stretch what they drag along
         while True:
             negative = self.solver.factorise(values)
