@@ -73,7 +73,8 @@ SMALLEST_VOLUME, LARGEST_GROWTH = 0.7, 0.25
 #: the share they keep where no step leaves them more: in snaps of single creases elements come down to 0.44 and recover, and
 #: fabric that is stretched until its law gives way thins to that
 LEAST_VOLUME = 0.2
-#: first steps from the state of another mesh in which elements may lose what they like: it has creases where it cannot fold
+#: first steps from the state of another mesh in which elements may lose what they like, as it has creases where it cannot fold,
+#: but do not turn inside out
 UNGUARDED = 3
 #: how many times the most iterations at one load it may take to rest from there: the flat fit that it saves takes more
 PATIENCE = 3
@@ -559,7 +560,8 @@ class Run:
                         part = cut * min(1.0, self.largest / max(largest, TINY))
                         free = self.assembly.retracted(state.free + part * step)
                         after = self.assembly.volume_ratios(self.displacements(free, share))
-                        if self._unguarded or _whole(before, after, self._floor, growth_limit):
+                        crushed = self._unguarded and ((after > 0) | (before <= 0)).all()
+                        if crushed or _whole(before, after, self._floor, growth_limit):
                             self._unguarded = max(0, self._unguarded - 1)
                             if state.rejected > refused:
                                 state.last_shift = state.shift
