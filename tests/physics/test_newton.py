@@ -385,9 +385,8 @@ def test_from_the_state_of_a_coarser_mesh_a_device_comes_to_rest_in_fewer_steps(
     energies = [path_energy(fine, path) for path in (flat, begun)]
     assert energies[1] < energies[0] + 0.01 * abs(energies[0])
     assert residual(fine, begun.displacements(0), 0.0, precision="float64").full < 1e-3
-    fewer = {
-        "iterations": begun.iterations["hold"] // 2
-    }  # at one load; to rest from another mesh it may take three times as many
+    # iterations at one load; to rest from another mesh it may take three times as many
+    fewer = {"iterations": begun.iterations["hold"] // 2}
     impatient = device(case, 8, 3.8, maximum=1.0, dofs=12000, element=element, newton=fewer)
     again = newton.solve(impatient, Solver(), start=carried(coarse, solved(coarse)[1], fine))
     assert again.details.get("not_begun_at") is None

@@ -68,12 +68,12 @@ def _mend(model: Model, middle: np.ndarray, directors: np.ndarray, half: np.ndar
 
 
 def _normals(model: Model, middle: np.ndarray) -> np.ndarray:
-    """Unit normals (n, 3) of the displaced middle surface at its nodes, on the side of the flat directors."""
-    quads, slopes = model.mesh.quads, quad8_shape(QUAD8)[1]
-    flat, placed = (
-        np.cross(*np.einsum("gnd,mnk->dmgk", slopes, nodes[quads])) for nodes in (model.mesh.nodes, model.mesh.nodes + middle)
-    )
-    placed *= np.sign(flat[..., 2:]) / np.maximum(np.linalg.norm(placed, axis=-1, keepdims=True), np.finfo(float).tiny)
-    total = np.zeros((len(middle), 3))
-    np.add.at(total, quads, placed)
-    return total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), np.finfo(float).tiny)
+    """Unit normals (n, 3) of the displaced middle surface at its nodes: of the sum of those of their elements."""
+    quads, total = model.mesh.quads, np.zeros((len(middle), 3))
+    tangents = np.einsum("gnd,mnk->dmgk", quad8_shape(QUAD8)[1], (model.mesh.nodes + middle)[quads])
+    np.add.at(total, quads, _unit(np.cross(*tangents)))
+    return _unit(total)
+
+
+def _unit(vectors: np.ndarray) -> np.ndarray:
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), np.finfo(float).tiny)

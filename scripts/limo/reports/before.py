@@ -53,12 +53,14 @@ SETTINGS = {
     "bricks_flat": Setting("bricks, fitted from the flat state", _BRICKS),
     "bricks_nested": Setting("bricks, begun at rest on coarser meshes", _BRICKS | _begun_on("preview", "coarse")),
     "bricks": Setting(
-        "bricks, begun likewise, geometric stiffness mixed",
+        "bricks, begun at rest on coarser meshes, geometric stiffness mixed",
         _BRICKS | _begun_on("preview", "coarse", geometric_stiffness="mixed"),
     ),
-    "shells": Setting("shells on the same mesh, begun likewise", _mesh("medium", "SHELL8R") | _begun_on("preview", "coarse")),
+    "shells": Setting(
+        "shells on the same mesh, begun at rest on coarser meshes", _mesh("medium", "SHELL8R") | _begun_on("preview", "coarse")
+    ),
     "shells_coarse": Setting(
-        "shells on the mesh level coarse, begun likewise", _mesh("coarse", "SHELL8R") | _begun_on("preview")
+        "shells on the mesh level coarse, begun at rest on preview", _mesh("coarse", "SHELL8R") | _begun_on("preview")
     ),
     "standard": Setting("preset `standard`: those shells, layers touch", {"preset": "standard"}),
 }

@@ -52,8 +52,8 @@ from limo.schema.solver import Solver
 from limo.store.progress import report
 
 log = logging.getLogger(__name__)
-#: shift (1/s^2) beyond which a step is hopeless, and how many times that in first steps from the state of another mesh
-LARGEST_SHIFT, UNGUARDED_SHIFT = 1e14, 100
+#: shift (1/s^2) beyond which a step is hopeless, and beyond which a first step from the state of another mesh is
+LARGEST_SHIFT, UNGUARDED_SHIFT = 1e14, 1e16
 #: a factor is used again while the residual falls below this share of the one before
 REUSED_WHILE = 0.1
 #: an equilibrium was easy to find with at most this many iterations
@@ -547,7 +547,7 @@ class Run:
         """
         state, growth, refused, shift = self.state, self.settings.shift_growth, self.state.rejected, self.state.shift
         before = self.assembly.volume_ratios(self.displacements())
-        most = LARGEST_SHIFT * (UNGUARDED_SHIFT if self._unguarded else 1)
+        most = UNGUARDED_SHIFT if self._unguarded else LARGEST_SHIFT
         growth_limit = LARGEST_GROWTH if share == state.prescribed else np.inf  # moved edges stretch what they drag along
         while True:
             negative = self.solver.factorise(values)
@@ -560,8 +560,8 @@ class Run:
                         part = cut * min(1.0, self.largest / max(largest, TINY))
                         free = self.assembly.retracted(state.free + part * step)
                         after = self.assembly.volume_ratios(self.displacements(free, share))
-                        crushed = self._unguarded and ((after > 0) | (before <= 0)).all()
-                        if crushed or _whole(before, after, self._floor, growth_limit):
+                        turned = (after <= 0) & (before > 0)  # inside out
+                        if (self._unguarded and not turned.any()) or _whole(before, after, self._floor, growth_limit):
                             self._unguarded = max(0, self._unguarded - 1)
                             if state.rejected > refused:
                                 state.last_shift = state.shift

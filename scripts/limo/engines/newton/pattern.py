@@ -48,11 +48,11 @@ class Patterned:
         ``keys``: row times size plus column of its entries, rising. ``places``: where those of elements go, what goes nowhere
         behind the last. ``faces``: keys, factors and sources of those of faces, of ``count``.
         """
-        of_faces, factors, sources = faces
+        entries, factors, sources = faces
         # by columns: element matrices are read in order
-        of_faces = csc_array((factors, (np.searchsorted(keys, of_faces).astype(np.int32), sources)), shape=(len(keys), count))
+        of_faces = csc_array((factors, (np.searchsorted(keys, entries).astype(np.int32), sources)), shape=(len(keys), count))
         self._own = keys, places, of_faces
-        self._places, self._from_faces = places, of_faces
+        self._places = places
         self._index(keys)
 
     def _index(self, keys: np.ndarray) -> None:
