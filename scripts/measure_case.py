@@ -1,5 +1,9 @@
 """Measure one solved case (rule measure_case). A case that cannot be measured says so and lets the sweep go on."""
 
+from limo.warm import warm
+
+warm()
+
 from pathlib import Path
 
 from limo.cases.case import Case

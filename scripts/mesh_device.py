@@ -1,5 +1,9 @@
 """Mesh one device (rule mesh_device)."""
 
+from limo.warm import warm
+
+warm()
+
 from pathlib import Path
 
 from limo.door import logged

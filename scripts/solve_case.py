@@ -1,5 +1,9 @@
 """Solve one case (rule solve_case). A case that fails writes its status and lets the sweep go on."""
 
+from limo.warm import warm
+
+warm(*(["limo.engines.newton.iteration"] if snakemake.params.case["engine"] == "newton" else []))  # noqa: F821
+
 from pathlib import Path
 
 from limo.cases.case import Case

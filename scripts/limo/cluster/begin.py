@@ -11,6 +11,7 @@ from limo.cluster.handed import hand
 from limo.cluster.slurm import NoAnswer
 from limo.cluster.start import SLURM, asked_of, check_orphans, check_slurm
 from limo.config.project import Project
+from limo.warm import start
 
 log = logging.getLogger(__name__)
 
@@ -22,7 +23,7 @@ _DEFAULT_RATE = (100, 1)  # jobs, s
 def begin_sweep(workflow: Any, project: Project, plan: Plan) -> None:
     """Look at Snakemake's ``workflow``, which has planned its jobs and submitted none.
 
-    On one machine only jobs of an earlier sweep on Slurm are looked for. Raises ``ClusterError``.
+    On one machine only jobs of an earlier sweep on Slurm are looked for, and scripts get a warm process. Raises ``ClusterError``.
     """
     _without_rate(workflow)
     try:
@@ -32,6 +33,8 @@ def begin_sweep(workflow: Any, project: Project, plan: Plan) -> None:
             raise
         log.warning("%s; nobody knows whether jobs of an earlier sweep still run", error)
     if workflow.local_exec:
+        if workflow.is_main_process:
+            start()
         return
     file = hand(plan, project.builds)
     if workflow.executor_plugin.name != SLURM:

@@ -5,6 +5,7 @@ Both checkouts are measured in one batch, one after the other in each round, so 
 
 from __future__ import annotations
 
+import ast
 import json
 import resource
 import shutil
@@ -65,7 +66,33 @@ lap("rest")
 laps["all"] = sum(laps.values())
 print(json.dumps(laps))
 """
-#: its laps in words
+#: a script that a warm process runs prints its CPU time when a solve by engine newton could begin
+_SCRIPT = """
+import sys, time
+sys.path.insert(0, {scripts!r})
+from snakemake import script
+from limo.warm import warm
+warm("limo.engines.newton.iteration")
+{imports}
+from limo.engines.newton import iteration
+print(time.process_time())
+"""
+#: runs it in the place of Snakemake, once for the imports and once that counts: its CPU time and that of the script that waits
+_WARM = """
+import resource, subprocess, sys
+sys.path.insert(0, "scripts")
+from limo.warm import start
+start()
+def spent():
+    children = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return children.ru_utime + children.ru_stime
+for _ in range(2):
+    before = spent()
+    done = subprocess.run([sys.executable, sys.argv[1]], capture_output=True, text=True, check=True)
+    found = float(done.stdout) + spent() - before
+print(found)
+"""
+#: laps of a solve that is not warm in words
 _LAPS = {
     "all": "imports of a solve by engine newton, Python included",
     "start": "of these: Python",
@@ -86,6 +113,7 @@ WORDS = {
     "dry_run": "dry run of 1,000 cases",
     "tests": "`make test` in a fresh clone, set-up apart",
     **{f"solve_{name}": words for name, words in _LAPS.items()},
+    "solve_warm": "a solve of a sweep by engine newton, whose process a warm one forks: Python and Snakemake's part, twice",
 }
 
 
@@ -103,19 +131,35 @@ def compare(here: Path, other: Path, runs: int = RUNS) -> pd.DataFrame:
 
 
 def compare_solve_imports(here: Path, other: Path, runs: int = RUNS) -> pd.DataFrame:
-    """Median CPU seconds of what a solve by engine newton imports, part by part, in this checkout and another one."""
+    """Median CPU seconds of what a solve by engine newton imports, part by part, in this checkout and another one.
+
+    The last row is what a solve of a sweep takes before it begins, here beside a process that has imported all that; the other
+    checkout may have none.
+    """
     _laps(here), _laps(other)  # compiles kernels, where that was not done
     pairs = [(_laps(here), _laps(other)) for _ in range(runs)]
     rows = []
     for name in _LAPS:
         seconds, others = (statistics.median(pair[k][name] for pair in pairs) for k in (0, 1))
         rows.append(row(f"solve_{name}", seconds, others, "CPU", runs, other))
+    warm = statistics.median(_warm_seconds(here) for _ in range(runs))
+    rows.append(row("solve_warm", warm, statistics.median(laps["all"] for _, laps in pairs), "CPU", runs, other))
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
 def _laps(folder: Path) -> dict[str, float]:
     """CPU time (s) of the parts of ``_LAPS``."""
     return json.loads(_run([str(folder / ".venv/bin/python"), "-c", _SOLVE], folder).splitlines()[-1])
+
+
+def _warm_seconds(folder: Path) -> float:
+    """CPU time (s) before a solve that a warm process runs, with that of the script that waits for it."""
+    tops = ast.parse((folder / "scripts/solve_case.py").read_text(encoding="utf-8")).body
+    imports = "\n".join(ast.unparse(node) for node in tops if isinstance(node, ast.ImportFrom))
+    with tempfile.TemporaryDirectory() as temporary:
+        script = Path(temporary) / "solve_case.py"
+        script.write_text(_SCRIPT.format(scripts=str(folder.resolve() / "scripts"), imports=imports), encoding="utf-8")
+        return float(_run([str(folder / ".venv/bin/python"), "-c", _WARM, str(script)], folder).splitlines()[-1])
 
 
 def compare_tests(here: Path, other: Path) -> pd.DataFrame:

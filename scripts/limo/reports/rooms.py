@@ -20,7 +20,7 @@ from limo.store.code import reached
 PACKAGE = Path("scripts/limo")
 #: rooms, ground first: a room imports only from rooms before it
 ORDER = (
-    *("errors", "door", "checkout", "schema", "store", "geometry", "mesh", "mechanics", "engines", "config", "cases"),
+    *("errors", "door", "warm", "checkout", "schema", "store", "geometry", "mesh", "mechanics", "engines", "config", "cases"),
     *(
         "measure",
         "bench",

@@ -22,7 +22,7 @@ from pathlib import Path
 SCRIPTS = Path(__file__).parents[2]
 #: plumbing: rooms and modules whose decisions, such as builds, stand in the parameters of the rules, or decide no result
 PLUMBING = (
-    *("limo.errors", "limo.door", "limo.store", "limo.config", "limo.cases"),
+    *("limo.errors", "limo.door", "limo.warm", "limo.store", "limo.config", "limo.cases"),
     *("limo.explore.checks", "limo.engines.find", "limo.engines.calculix.build", "limo.engines.newton.build"),
 )
 #: a file says what it may hold, and what it holds stands in the parameters: only methods of such classes compute something
@@ -97,7 +97,7 @@ def _resolved(package: dict[str, _Module], module: str, use: str) -> Iterator[tu
     where, name = (where, name) if where else package[module].imports.get(name, ("", ""))
     if f"{where}.{name}" in package:  # a module as a whole, or what is named of it
         where, name = f"{where}.{name}", attribute.partition(".")[0]
-    if where not in package or any(where == p or where.startswith(f"{p}.") for p in PLUMBING):
+    if where not in package or _within(where, PLUMBING):
         return
     if name in package[where].units:
         yield where, name
@@ -148,15 +148,14 @@ def _read(source: bytes, module: str) -> list:
     """Definitions and imports of a source as plain data."""
     tree = ast.parse(source)
     is_script = not module.startswith("limo")
+    imports = _imports(tree.body)
     groups: dict[str, list[ast.stmt]] = {}
     for node in tree.body:
-        if isinstance(node, ast.Import | ast.ImportFrom) or _is_text(node):
+        if isinstance(node, ast.Import | ast.ImportFrom) or _is_text(node) or (is_script and _is_plumbing(node, imports)):
             continue
         for name in [""] if is_script else _names(node):
             groups.setdefault(name, []).append(node)
-    # import lines first: below, they are taken out of the tree
-    imports = _imports(tree.body)
-    is_values = module == VALUES or module.startswith(f"{VALUES}.")
+    is_values = _within(module, (VALUES,))
     units = {}
     for name, nodes in groups.items():
         bare = [_Bare(is_values).visit(ast.parse(ast.unparse(node)).body[0]) for node in nodes]
@@ -168,6 +167,16 @@ def _read(source: bytes, module: str) -> list:
 
 def _is_text(node: ast.stmt) -> bool:
     return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
+
+
+def _is_plumbing(node: ast.stmt, imports: dict[str, tuple[str, str]]) -> bool:
+    """Whether a statement does no more than call plumbing."""
+    called = node.value.func if isinstance(node, ast.Expr) and isinstance(node.value, ast.Call) else None
+    return isinstance(called, ast.Name) and _within(imports.get(called.id, ("", ""))[0], PLUMBING)
+
+
+def _within(module: str, rooms: tuple[str, ...]) -> bool:
+    return any(module == room or module.startswith(f"{room}.") for room in rooms)
 
 
 def _names(node: ast.stmt) -> list[str]:
