@@ -41,7 +41,11 @@ _ANCESTORS = 4  # a shell stands between a script and its Snakemake
 
 def start() -> subprocess.Popen | None:
     """Start a server for the scripts of this process, with which it ends. None where there cannot be one, or is to be none."""
-    if not hasattr(os, "pidfd_open") or os.environ.get(VARIABLE) == OFF:
+    if os.environ.get(VARIABLE) == OFF:
+        return None
+    try:
+        os.close(os.pidfd_open(os.getpid()))
+    except (AttributeError, OSError):  # not Linux, or one that has no handles of processes
         return None
     scripts = str(Path(__file__).resolve().parents[1])
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, [scripts, os.environ.get("PYTHONPATH")]))}
