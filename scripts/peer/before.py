@@ -22,7 +22,7 @@ import xarray as xr
 import yaml
 
 from limo.measure.ramp import ramp_of
-from limo.reports.before import ABOVE, COLUMNS, EARLIER, KEYS, SETTINGS, read_before
+from limo.reports.before import ABOVE, COLUMNS, EARLIERS, KEYS, SETTINGS, read_before
 from limo.store.files import read_json, write_json, write_whole
 from limo.store.machine import processor
 
@@ -46,7 +46,7 @@ def study(setting: str, n_pouches: int, ventricular: float) -> dict:
         "branches": 1,
         "reuse": "exact",  # other studies of the configuration may go further
     }
-    return one | ({"preset": "standard"} if setting == EARLIER else {"device": "limo_2025"} | SETTINGS[setting].study)
+    return one | (EARLIERS[setting].study if setting in EARLIERS else {"device": "limo_2025"} | SETTINGS[setting].study)
 
 
 def solve(checkout: Path, folder: Path, setting: str, n_pouches: int, ventricular: float) -> None:
@@ -121,20 +121,22 @@ def main() -> None:
     chosen = parser.parse_args()
     earlier, folder = chosen.earlier.resolve(), chosen.folder.resolve()
     devices = [d for d in DEVICES[: chosen.first] if chosen.only in (None, d[0])]
-    settings = (EARLIER, *chosen.settings)
+    settings = list(dict.fromkeys(name for setting in chosen.settings for name in (SETTINGS[setting].beside, setting)))
     jobs = [(s, *d) for d in devices for s in settings]
     places = {job: folder / "_".join(map(str, job)) for job in jobs}
 
     def run(job: tuple[str, int, float]) -> None:
-        solve(earlier if job[0] == EARLIER else ROOT, places[job], *job)
+        solve(earlier if job[0] in EARLIERS else ROOT, places[job], *job)
         print(*job, flush=True)
 
     with ThreadPoolExecutor(2) as pool:
         list(pool.map(run, jobs))
     rows = []
     for device in devices:
-        (first, reference), *others = (row(places[s, *device], s, *device) for s in settings)
-        rows += [first | {"apart": 0.0}, *(r | {"apart": apart(ramp, reference, device[1])} for r, ramp in others)]
+        solved = {s: row(places[s, *device], s, *device) for s in settings}
+        for setting, (one, ramp) in solved.items():
+            _, reference = solved[setting if setting in EARLIERS else SETTINGS[setting].beside]
+            rows.append(one | {"apart": apart(ramp, reference, device[1])})
     kept, measured = read_before(chosen.keep), pd.DataFrame(rows, columns=COLUMNS)
     table = pd.concat([kept, measured]).drop_duplicates(KEYS, keep="last") if len(kept) else measured
     write_whole(chosen.keep, lambda path: table.to_csv(path, index=False))

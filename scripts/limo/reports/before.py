@@ -25,18 +25,19 @@ COLUMNS = [
     "apart",
     "machine",
 ]
-#: the setting of the earlier build: its preset `standard`
-EARLIER = "earlier"
+#: settings of the earlier build: its preset `standard`, and the mesh of the grids at the paper's density
+EARLIER, EARLIER_PAPER = "earlier", "earlier_paper"
 #: kPa above P_v from which curves are compared: below, snaps differ by single load steps
 ABOVE = 10
 
 
 @dataclass(frozen=True)
 class Setting:
-    """A setting of today's build in words, and the keys of a study that name it."""
+    """A setting in words, the keys of a study that name it, and the setting of the earlier build that it is beside."""
 
     words: str
     study: dict
+    beside: str = EARLIER
 
 
 def _mesh(level: str, element: str) -> dict:
@@ -48,6 +49,12 @@ def _begun_on(*levels: str, **others: str) -> dict:
 
 
 _BRICKS = _mesh("medium", "C3D20R")
+_PAPER = _mesh("paper", "C3D20R")
+#: what the earlier build solves
+EARLIERS = {
+    EARLIER: Setting("its preset `standard`, bricks on the mesh level `medium`", {"preset": "standard"}),
+    EARLIER_PAPER: Setting("bricks at the paper's density", _PAPER),
+}
 #: what is solved beside the earlier build
 SETTINGS = {
     "bricks_flat": Setting("bricks, fitted from the flat state", _BRICKS),
@@ -63,6 +70,11 @@ SETTINGS = {
         "shells on the mesh level coarse, begun at rest on preview", _mesh("coarse", "SHELL8R") | _begun_on("preview")
     ),
     "standard": Setting("preset `standard`: those shells, layers touch", {"preset": "standard"}),
+    "bricks_paper": Setting(
+        "bricks at the paper's density, begun at rest on coarser meshes, geometric stiffness mixed",
+        _PAPER | _begun_on("preview", "coarse", geometric_stiffness="mixed"),
+        EARLIER_PAPER,
+    ),
 }
 
 
@@ -73,7 +85,7 @@ def read_before(file: Path) -> pd.DataFrame:
 
 def times_less(rows: pd.DataFrame, setting: str, of: str = "cpu_seconds") -> pd.Series:
     """CPU time or another column of the earlier build over that of a setting, by number of pouches and P_v (kPa)."""
-    earlier, today = (rows[rows.setting == name].set_index(KEYS[:2])[of] for name in (EARLIER, setting))
+    earlier, today = (rows[rows.setting == name].set_index(KEYS[:2])[of] for name in (SETTINGS[setting].beside, setting))
     return (earlier / today).dropna()
 
 
@@ -81,11 +93,11 @@ def before_section(rows: pd.DataFrame) -> list[str]:
     """The parts of the section; without rows it says how to measure them."""
     if rows.empty:
         return ["Not measured: `scripts/peer/before.py CHECKOUT` does."]
-    earlier = rows[rows.setting == EARLIER].set_index(KEYS[:2])
-    today = rows[rows.setting != EARLIER]
+    is_earlier = rows.setting.isin(EARLIERS)
+    today = rows[~is_earlier]
     intro = (
-        f"Written by `scripts/peer/before.py`: the preset `standard` of `{', '.join(sorted(set(earlier.commit)))}` (bricks on "
-        f"the mesh level `medium`) and settings of `{', '.join(sorted(set(today.commit)))}` solve the same devices `limo_2025`. "
+        f"Written by `scripts/peer/before.py`: `{', '.join(sorted(set(rows[is_earlier].commit)))}` and settings of "
+        f"`{', '.join(sorted(set(today.commit)))}` solve the same devices `limo_2025`. "
         f"Two run at a time, one thread a case: {', '.join(sorted(set(rows.machine)))}. CPU time includes the states of coarser "
         "meshes that a case begins at. `times less`: CPU time of the earlier build over that of the setting. `apart`: relative "
         f"L2 distance of V_v from the earlier build's, from P_v + {ABOVE} kPa on. Energy: potential energy at P_a,max."
@@ -95,7 +107,7 @@ def before_section(rows: pd.DataFrame) -> list[str]:
         group = today[today.setting == name].set_index(KEYS[:2])
         if group.empty:
             continue
-        before = earlier.reindex(group.index)
+        before = rows[rows.setting == setting.beside].set_index(KEYS[:2]).reindex(group.index)
         less, same = times_less(rows, name), 1e-3 * before.energy_mj.abs()
         summary.append(
             {
@@ -111,17 +123,23 @@ def before_section(rows: pd.DataFrame) -> list[str]:
                 "memory [MiB], most": round(group.memory_mib.max()),
             }
         )
-    return [intro, markdown_table(pd.DataFrame(summary)), markdown_table(_devices(earlier, today))]
+    parts = [intro, markdown_table(pd.DataFrame(summary))]
+    for name, setting in EARLIERS.items():
+        if (rows.setting == name).any():
+            parts += [f"Beside {setting.words}:", markdown_table(_devices(rows, name))]
+    return parts
 
 
-def _devices(earlier: pd.DataFrame, today: pd.DataFrame) -> pd.DataFrame:
-    """A row a device: CPU seconds, strokes and how far apart the curves are, by setting."""
-    table = []
-    for device, before in earlier.iterrows():
-        group = today[(today.n_pouches == device[0]) & (today.ventricular_pressure == device[1])].set_index("setting")
-        line = {"N_p": device[0], "P_v": device[1], "CPU [s] earlier": round(before.cpu_seconds)}
-        line |= {f"{name}": round(group.cpu_seconds[name]) if name in group.index else "-" for name in SETTINGS}
+def _devices(rows: pd.DataFrame, earlier: str) -> pd.DataFrame:
+    """A row a device: CPU seconds and strokes, by the settings beside one of the earlier build."""
+    table, measured = [], set(rows.setting)
+    settings = [name for name, setting in SETTINGS.items() if setting.beside == earlier and name in measured]
+    for _, before in rows[rows.setting == earlier].iterrows():
+        same = (rows.n_pouches == before.n_pouches) & (rows.ventricular_pressure == before.ventricular_pressure)
+        group = rows[same].set_index("setting")
+        line = {"N_p": before.n_pouches, "P_v": before.ventricular_pressure, "CPU [s] earlier": round(before.cpu_seconds)}
+        line |= {name: round(group.cpu_seconds[name]) if name in group.index else "-" for name in settings}
         line["stroke [ml] earlier"] = number(before.stroke, 1)
-        line |= {f"{name} ": number(group.stroke[name], 1) if name in group.index else "-" for name in SETTINGS}
+        line |= {f"{name} ": number(group.stroke[name], 1) if name in group.index else "-" for name in settings}
         table.append(line)
     return pd.DataFrame(table)

@@ -9,7 +9,7 @@ import yaml
 from limo.cases.grid import study_cases
 from limo.config.load import load_config
 from limo.errors import ResultError
-from limo.reports.before import COLUMNS, EARLIER, SETTINGS, before_section, read_before, times_less
+from limo.reports.before import COLUMNS, EARLIER, EARLIER_PAPER, SETTINGS, before_section, read_before, times_less
 from tests.helpers.cases import without_studies
 
 
@@ -33,7 +33,7 @@ def test_each_setting_is_a_study_of_one_case(root, tmp_path, script, setting):
     assert case.device == loaded.devices["limo_2025"]
     assert (case.n_pouches, case.engine, case.mesh.symmetry) == (8, "newton", "quarter")
     assert case.mesh.element == ("C3D20R" if setting.startswith("bricks") else "SHELL8R")
-    assert case.mesh.level == ("coarse" if setting == "shells_coarse" else "medium")
+    assert case.mesh.level == {"shells_coarse": "coarse", "bricks_paper": "paper"}.get(setting, "medium")
     assert case.numerics.contact.endo_epi == (setting == "standard")
     assert bool(case.numerics.newton.fit_on) == (setting != "bricks_flat")
     assert case.actuation_pressure_max == 60
@@ -61,6 +61,18 @@ def test_a_setting_is_compared_with_the_earlier_build(cpu, energy, less, lower):
     assert "`7cdfcb9`" in text
     assert times_less(rows(cpu, energy), "bricks").to_dict() == {(8, 3.8): pytest.approx(1000.0 / cpu)}
     assert times_less(rows(cpu, energy), "shells").empty
+
+
+def test_a_setting_is_beside_the_one_of_its_own_density():
+    own = {"bricks": "bricks_paper", EARLIER: EARLIER_PAPER}
+    finer = rows(100.0, -100.0).replace({"setting": own})
+    both = pd.concat([rows(500.0, -100.0), finer], ignore_index=True)
+    assert times_less(both, "bricks_paper").tolist() == [10.0]
+    assert times_less(both, "bricks").tolist() == [2.0]
+    text = "\n".join(before_section(both))
+    assert text.count("Beside ") == 2
+    assert "bricks_paper" in text.split("Beside ")[2]
+    assert "bricks_paper" not in text.split("Beside ")[1]
 
 
 def test_a_gap_says_how_it_is_filled_and_another_table_is_refused(tmp_path):
