@@ -2,7 +2,7 @@
 
 from limo.warm import warm
 
-warm(*(["limo.engines.newton.iteration"] if snakemake.params.case["engine"] == "newton" else []))  # noqa: F821
+warm(f"limo.engines.{snakemake.params.case['engine']}.engine")  # noqa: F821
 
 from pathlib import Path
 

@@ -76,7 +76,7 @@ def _end(server: subprocess.Popen) -> None:
 def warm(*modules: str) -> None:
     """Have a warm process run this script, which has just begun, and end as it does there. Returns where none does that.
 
-    The server has imported what the script imports at its top, and ``modules``.
+    The server has imported what the script imports at its top, and ``modules``, with those that they name as ``LATE``.
     """
     if (address := os.environ.get(VARIABLE, OFF)) == OFF:
         return
@@ -197,8 +197,9 @@ def _is_served(request: dict[str, Any], asks: socket.socket) -> bool:
     try:
         tops = ast.parse(Path(request["script"]).read_text(encoding="utf-8")).body
         wanted = [node.module for node in tops if isinstance(node, ast.ImportFrom) and node.module]
-        for module in [*wanted, *request["modules"]]:
-            importlib.import_module(module)
+        for module in map(importlib.import_module, [*wanted, *request["modules"]]):
+            for late in getattr(module, "LATE", ()):
+                importlib.import_module(late)
     except Exception:  # whatever it is, the script itself tells it where it belongs
         return False
     gc.freeze()  # or a fork's first collection writes to all pages that it shares

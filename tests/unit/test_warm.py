@@ -123,7 +123,7 @@ def test_what_it_prints_arrives_where_it_would(sweep, tmp_path):
     sweep.process.stdin.write(json.dumps([["bash", "-c", command], {}, True]) + "\n")
     sweep.process.stdin.flush()
     assert sweep.process.stdout.readline().strip() == "1"
-    assert out.read_text().split() == ["1.5", "a"]
+    assert sorted(out.read_text().split()) == ["1.5", "a"]
 
 
 def test_several_run_at_once(sweep, tmp_path):
@@ -163,6 +163,13 @@ def test_scripts_of_others_run_as_ever(sweep, tmp_path):
     )
     assert done.returncode == 0
     assert eval((tmp_path / "told").read_text())[:2] == (False, os.getpid())
+
+
+def test_a_module_says_what_it_imports_late(sweep, tmp_path):
+    (tmp_path / "early.py").write_text("LATE = ('fractions',)\n")
+    head = HEAD.replace("warm()", "warm('early')").replace("'statistics'", "'fractions'").replace("from statistics", "from json")
+    assert sweep.run(TELL, head.replace("import mean", "import dumps")) == 0
+    assert eval((tmp_path / "told").read_text())[0] is True
 
 
 @pytest.mark.parametrize(

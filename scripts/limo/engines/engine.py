@@ -84,6 +84,8 @@ class Engine(Protocol):
     WITHOUT_RAMP: bool
     #: whether it drives a device by V_a, with P_a as an outcome
     SYRINGE: bool
+    #: modules that it imports when it solves
+    LATE: tuple[str, ...]
 
     def takes(self, element: Element) -> bool:
         """Whether it solves models of an element."""

@@ -72,7 +72,7 @@ import sys, time
 sys.path.insert(0, {scripts!r})
 from snakemake import script
 from limo.warm import warm
-warm("limo.engines.newton.iteration")
+warm("limo.engines.newton.engine")
 {imports}
 from limo.engines.newton import iteration
 print(time.process_time())

@@ -24,6 +24,7 @@ LARGE_FILES = ("*.frd", "*.dat", "*.12d", "*.eig", "spooles.out")
 CONTACT = False
 WITHOUT_RAMP = False
 SYRINGE = False
+LATE = ("limo.engines.calculix.run",)
 #: increments of a sample, of some iterations each
 SAMPLED = 1
 

@@ -24,6 +24,7 @@ LARGE_FILES = ()
 CONTACT = True
 WITHOUT_RAMP = True
 SYRINGE = True
+LATE = ("limo.engines.newton.iteration",)
 #: iterations of a sample
 SAMPLED = 5
 
