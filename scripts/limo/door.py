@@ -47,11 +47,16 @@ def _end_with_snakemake() -> None:
             if b"snakemake" in Path(f"/proc/{pid}/cmdline").read_bytes():
                 threading.Thread(target=_end_after, args=([handle for _, handle in ancestors],), daemon=True).start()
                 return
-            pid = int(Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[1])
+            pid = parent_of(pid)
         except (OSError, AttributeError, ValueError):  # gone already, or not Linux
             break
     for _, handle in ancestors:
         os.close(handle)
+
+
+def parent_of(process: int) -> int:
+    """The process that started one. Raises ``OSError`` for one that is gone, and elsewhere than on Linux."""
+    return int(Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[1])
 
 
 def _end_after(processes: list[int]) -> None:

@@ -31,6 +31,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from limo.door import parent_of
+
 #: address of the server, in the environment of the Snakemake that has one; a user may set it so that there is none
 VARIABLE, OFF = "LIMO_WARM", "off"
 _FILES = (0, 1, 2)
@@ -210,7 +212,7 @@ def _ancestors(process: int) -> list[int]:
     found = []
     with contextlib.suppress(OSError):
         for _ in range(_ANCESTORS):
-            process = int(Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[1])
+            process = parent_of(process)
             found.append(process)
     return found
 

@@ -25,7 +25,7 @@ for line in sys.stdin:
     process = subprocess.Popen(command, env=os.environ | change)
     print(process.wait() if wait else process.pid, flush=True)
 """
-#: what every script begins with; the first line counts as imported by it, though only a server ever reads it
+#: what every script begins with: its last line is what a server imports for it, and nothing else does before
 HEAD = "import os, sys\nbefore = 'statistics' in sys.modules\nfrom limo.warm import warm\nwarm()\nfrom statistics import mean\n"
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "pidfd_open"), reason="no handles of processes here: scripts run as ever")
@@ -50,7 +50,11 @@ class Sweep:
 
     def run(self, text: str, head: str = HEAD, wait: bool = True, **environment: str) -> int:
         """Exit code of a script that was run, or its process where nobody waits for it."""
-        self.process.stdin.write(json.dumps([self.script(text, head), environment, wait]) + "\n")
+        return self.ask(self.script(text, head), environment, wait)
+
+    def ask(self, command: list[str], environment: dict[str, str], wait: bool = True) -> int:
+        """The same of any command."""
+        self.process.stdin.write(json.dumps([command, environment, wait]) + "\n")
         self.process.stdin.flush()
         return int(self.process.stdout.readline())
 
@@ -120,9 +124,7 @@ def test_it_ends_as_it_would(sweep, text, code):
 def test_what_it_prints_arrives_where_it_would(sweep, tmp_path):
     out = tmp_path / "out"
     command = f"exec > {out} 2>&1; {' '.join(sweep.script('print(mean([1, 2])); sys.exit(chr(97))'))}"
-    sweep.process.stdin.write(json.dumps([["bash", "-c", command], {}, True]) + "\n")
-    sweep.process.stdin.flush()
-    assert sweep.process.stdout.readline().strip() == "1"
+    assert sweep.ask(["bash", "-c", command], {}) == 1
     assert sorted(out.read_text().split()) == ["1.5", "a"]
 
 

@@ -50,6 +50,7 @@ def _begun_on(*levels: str, **others: str) -> dict:
 
 _BRICKS = _mesh("medium", "C3D20R")
 _PAPER = _mesh("paper", "C3D20R")
+_NESTED_MIXED = _begun_on("preview", "coarse", geometric_stiffness="mixed")
 #: what the earlier build solves
 EARLIERS = {
     EARLIER: Setting("its preset `standard`, bricks on the mesh level `medium`", {"preset": "standard"}),
@@ -61,7 +62,7 @@ SETTINGS = {
     "bricks_nested": Setting("bricks, begun at rest on coarser meshes", _BRICKS | _begun_on("preview", "coarse")),
     "bricks": Setting(
         "bricks, begun at rest on coarser meshes, geometric stiffness mixed",
-        _BRICKS | _begun_on("preview", "coarse", geometric_stiffness="mixed"),
+        _BRICKS | _NESTED_MIXED,
     ),
     "shells": Setting(
         "shells on the same mesh, begun at rest on coarser meshes", _mesh("medium", "SHELL8R") | _begun_on("preview", "coarse")
@@ -72,7 +73,7 @@ SETTINGS = {
     "standard": Setting("preset `standard`: those shells, layers touch", {"preset": "standard"}),
     "bricks_paper": Setting(
         "bricks at the paper's density, begun at rest on coarser meshes, geometric stiffness mixed",
-        _PAPER | _begun_on("preview", "coarse", geometric_stiffness="mixed"),
+        _PAPER | _NESTED_MIXED,
         EARLIER_PAPER,
     ),
 }
@@ -85,8 +86,20 @@ def read_before(file: Path) -> pd.DataFrame:
 
 def times_less(rows: pd.DataFrame, setting: str, of: str = "cpu_seconds") -> pd.Series:
     """CPU time or another column of the earlier build over that of a setting, by number of pouches and P_v (kPa)."""
-    earlier, today = (rows[rows.setting == name].set_index(KEYS[:2])[of] for name in (SETTINGS[setting].beside, setting))
-    return (earlier / today).dropna()
+    both = _beside(rows, setting, of)
+    return both.earlier / both.today
+
+
+def share(rows: pd.DataFrame, setting: str) -> float:
+    """CPU time of a setting over the earlier build's, of all devices that both solved together; NaN for none."""
+    both = _beside(rows, setting, "cpu_seconds").sum()
+    return both.today / both.earlier if both.earlier else float("nan")
+
+
+def _beside(rows: pd.DataFrame, setting: str, of: str) -> pd.DataFrame:
+    """A column of the earlier build and of a setting beside it, of the devices that both have."""
+    names = {"earlier": SETTINGS[setting].beside, "today": setting}
+    return pd.DataFrame({name: rows[rows.setting == one].set_index(KEYS[:2])[of] for name, one in names.items()}).dropna()
 
 
 def before_section(rows: pd.DataFrame) -> list[str]:

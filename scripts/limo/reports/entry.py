@@ -58,9 +58,7 @@ from limo.engines.newton import kernels
 lap("kernels")
 import meshio, netCDF4
 lap("files")
-import ast
-lines = [node for node in ast.parse(open("scripts/solve_case.py").read()).body if isinstance(node, ast.ImportFrom)]
-exec(compile(ast.Module(lines, []), "solve_case", "exec"))
+IMPORTS
 from limo.engines.newton import iteration
 lap("rest")
 laps["all"] = sum(laps.values())
@@ -69,11 +67,11 @@ print(json.dumps(laps))
 #: a script that a warm process runs prints its CPU time when a solve by engine newton could begin
 _SCRIPT = """
 import sys, time
-sys.path.insert(0, {scripts!r})
+sys.path.insert(0, SCRIPTS)
 from snakemake import script
 from limo.warm import warm
 warm("limo.engines.newton.engine")
-{imports}
+IMPORTS
 from limo.engines.newton import iteration
 print(time.process_time())
 """
@@ -149,17 +147,23 @@ def compare_solve_imports(here: Path, other: Path, runs: int = RUNS) -> pd.DataF
 
 def _laps(folder: Path) -> dict[str, float]:
     """CPU time (s) of the parts of ``_LAPS``."""
-    return json.loads(_run([str(folder / ".venv/bin/python"), "-c", _SOLVE], folder).splitlines()[-1])
+    return json.loads(_run([str(folder / ".venv/bin/python"), "-c", _of(_SOLVE, folder)], folder).splitlines()[-1])
 
 
 def _warm_seconds(folder: Path) -> float:
     """CPU time (s) before a solve that a warm process runs, with that of the script that waits for it."""
-    tops = ast.parse((folder / "scripts/solve_case.py").read_text(encoding="utf-8")).body
-    imports = "\n".join(ast.unparse(node) for node in tops if isinstance(node, ast.ImportFrom))
     with tempfile.TemporaryDirectory() as temporary:
         script = Path(temporary) / "solve_case.py"
-        script.write_text(_SCRIPT.format(scripts=str(folder.resolve() / "scripts"), imports=imports), encoding="utf-8")
+        script.write_text(_of(_SCRIPT, folder), encoding="utf-8")
         return float(_run([str(folder / ".venv/bin/python"), "-c", _WARM, str(script)], folder).splitlines()[-1])
+
+
+def _of(text: str, folder: Path) -> str:
+    """A script with what a checkout's solve imports and where its scripts are."""
+    scripts = folder.resolve() / "scripts"
+    tops = ast.parse((scripts / "solve_case.py").read_text(encoding="utf-8")).body
+    imports = "\n".join(ast.unparse(node) for node in tops if isinstance(node, ast.ImportFrom))
+    return text.replace("IMPORTS", imports).replace("SCRIPTS", repr(str(scripts)))
 
 
 def compare_tests(here: Path, other: Path) -> pd.DataFrame:

@@ -23,7 +23,7 @@ from limo.config.project import Project
 from limo.engines.find import find_engine
 from limo.errors import LimoError
 from limo.measure.ramp import ramp_of
-from limo.reports.before import SETTINGS, before_section, times_less
+from limo.reports.before import SETTINGS, before_section, share, times_less
 from limo.reports.cluster import cluster_table
 from limo.reports.entry import entry_table
 from limo.reports.markdown import markdown_table, number, read_rows, shown, signed_percent
@@ -383,14 +383,9 @@ def _targets(rows: pd.DataFrame, overhead: pd.DataFrame, before: pd.DataFrame, e
     for setting, limit in (("bricks", 2.5), ("shells_coarse", 5)):
         name = f"less CPU than an earlier build's `standard`, median of its devices: {SETTINGS[setting].words}"
         add(name, times_less(before, setting).median(), limit, "times", most=False)
-    beside = before[before.setting.isin(["bricks_paper", SETTINGS["bricks_paper"].beside])]
-    spent = beside.groupby("setting").cpu_seconds.sum()
-    add(
-        f"CPU of all devices over the earlier build's, which is wall time on full cores: {SETTINGS['bricks_paper'].words}",
-        spent["bricks_paper"] / spent[SETTINGS["bricks_paper"].beside] if len(spent) == 2 else None,
-        0.4,
-        "times",
-    )
+    words = SETTINGS["bricks_paper"].words
+    name = f"CPU of all devices over the earlier build's, which is wall time on full cores: {words}"
+    add(name, share(before, "bricks_paper"), 0.4, "times")
     more = 1 / times_less(before, "bricks", "memory_mib")
     add(f"memory over that of the earlier build's `standard`: {SETTINGS['bricks'].words}", more.max(), 1, "times")
     for what, name, limit in ((NOTHING, "nothing to do in {} solved cases", 5), (PLANNING, "dry run of a study of {} cases", 15)):

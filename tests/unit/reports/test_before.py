@@ -1,6 +1,7 @@
 """An earlier build beside today's: settings that a study can name, and what is made of kept rows. No earlier build is needed."""
 
 import importlib.util
+import math
 
 import pandas as pd
 import pytest
@@ -9,7 +10,7 @@ import yaml
 from limo.cases.grid import study_cases
 from limo.config.load import load_config
 from limo.errors import ResultError
-from limo.reports.before import COLUMNS, EARLIER, EARLIER_PAPER, SETTINGS, before_section, read_before, times_less
+from limo.reports.before import COLUMNS, EARLIER, EARLIER_PAPER, SETTINGS, before_section, read_before, share, times_less
 from tests.helpers.cases import without_studies
 
 
@@ -69,6 +70,9 @@ def test_a_setting_is_beside_the_one_of_its_own_density():
     both = pd.concat([rows(500.0, -100.0), finer], ignore_index=True)
     assert times_less(both, "bricks_paper").tolist() == [10.0]
     assert times_less(both, "bricks").tolist() == [2.0]
+    more = finer[finer.setting == EARLIER_PAPER].assign(n_pouches=4)
+    assert share(pd.concat([both, more]), "bricks_paper") == pytest.approx(0.1), "of the devices that both solved"
+    assert math.isnan(share(both, "shells"))
     text = "\n".join(before_section(both))
     assert text.count("Beside ") == 2
     assert "bricks_paper" in text.split("Beside ")[2]
