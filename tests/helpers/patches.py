@@ -25,6 +25,19 @@ def grid(nx: int, ny: int) -> tuple[np.ndarray, np.ndarray]:
     return np.array(points), np.array(quads)
 
 
+def crooked(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The same, n by n, with straight sides and corners within moved at random; and which nodes are within (n,)."""
+    points, quads = grid(n, n)
+    corner = np.zeros(len(points), bool)
+    corner[quads[:, :4]] = True
+    inner = (np.abs(points) < 1 - 1e-9).all(axis=1)
+    moves = np.random.default_rng(1).uniform(-0.15, 0.15, points.shape)
+    points = points + np.where((corner & inner)[:, None], moves, 0.0)
+    for k in range(4):
+        points[quads[:, 4 + k]] = 0.5 * (points[quads[:, k]] + points[quads[:, (k + 1) % 4]])
+    return points, quads, inner
+
+
 def patch_mesh(points: np.ndarray, quads: np.ndarray, layer: int = 2) -> DeviceMesh:
     """A mesh of one layer without edges or seams from ``points`` (n, 3)."""
     none = np.zeros(len(points), bool)

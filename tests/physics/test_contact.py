@@ -13,11 +13,12 @@ from limo.engines.newton import iteration as newton
 from limo.mechanics.contact import Contact, Touching
 from limo.mechanics.energy import conjugate_volumes, ramp_balance, stored_energy
 from limo.mechanics.equilibrium import residual
-from limo.mechanics.model import Model
+from limo.mechanics.model import Model, Pressure
 from limo.mechanics.volumes import volumes
 from limo.schema.numerics import Touch
 from limo.schema.solver import Solver
-from tests.physics.test_newton import device, solved
+from tests.helpers.patches import crooked, patch_mesh, patch_model
+from tests.physics.test_newton import device, solved, tight
 from tests.physics.test_shell import strip
 
 NONE = np.empty((0, 8), int)
@@ -78,6 +79,37 @@ def test_a_sheet_blown_onto_a_plane_lies_on_it_as_the_closed_form_says(case, ele
 
 
 @pytest.mark.parametrize("element", ["SHELL8R", "C3D20R"])
+def test_two_pressed_plates_pass_on_a_uniform_pressure(case, element):
+    """A patch test: crooked quadrilaterals, one plate on the plane z = 0 and one on that, both free to bend and to slide. Each
+    comes to lie level, at the gap where contact carries the pressure, and without a stress in its plane."""
+    pressure, reach = 30.0, 0.002
+    points, quads, _ = crooked(3)
+    flat = np.column_stack([10 * points, np.zeros(len(points))])
+    mesh = patch_mesh(np.vstack([flat, flat]), np.vstack([quads, quads + len(flat)]))
+    loaded = tight(case, element=element, ventricular_pressure=pressure, actuation_pressure_max=0.0, newton={"residual": 1e-9})
+    model = patch_model(loaded, mesh)
+    held = [(int(n), axis) for axis in (0, 1) for n in np.flatnonzero(model.nodes[:, axis] < 1e-9 - 10)]
+    above = np.arange(len(quads), 2 * len(quads))
+    model = replace(
+        model,
+        fixed=tuple(held),
+        pressures=(Pressure("epi_front", above, "top", 1.0, 0.0),),
+        contact=Contact(quads, quads, quads + len(flat), 1e-3 * pressure / reach, reach, span=1.0),
+    )
+    _, u = solved(model)
+    moved = model.midsurface(u)
+    gap = brentq(lambda g: model.contact.pressure(np.array(g)) - 1e-3 * pressure, -2 * reach, reach)
+    assert gap == pytest.approx(-reach)
+    # bricks are pressed between their middle surface and the face that is loaded, shells have no thickness that changes
+    tolerance = {"SHELL8R": 1e-6, "C3D20R": 1e-2}[element]
+    assert np.abs(moved[:, 2] - np.repeat([gap, 2 * gap], len(flat))).max() < tolerance * reach
+    if element == "SHELL8R":  # the gap times the stretch of the area: a tension p g of the gap itself is left
+        material = case.device.material
+        strain = 1e-3 * pressure * reach / (material.youngs_modulus * material.thickness)
+        assert np.abs(moved[:, :2]).max() < 20 * strain
+
+
+@pytest.mark.parametrize("element", ["SHELL8R", "C3D20R"])
 def test_empty_pouches_open_when_the_pressure_in_them_takes_over_what_the_layers_pass_on(case, element):
     """Two equal layers share the tension that holds P_v, so they press on each other with P_v / 2 and part from P_a = P_v / 2
     on: nothing moves before, and little until P_v. Without contact they lie in each other by millilitres."""
@@ -112,6 +144,21 @@ def test_layers_pass_each_other_by_less_than_a_twentieth_of_the_thickness(case, 
     apart = np.linalg.norm(upper - lower, axis=-1)[whole][near]
     assert np.quantile(apart, 0.99) < 0.5 * model.contact.span, "where layers touch, contact does not fade"
     assert residual(model, u, path.pressure[-1], precision="float64").full < 1e-3, "said by the independent check"
+
+
+@pytest.mark.parametrize(("n_pouches", "ventricular"), [(4, 13.8), (8, 3.8)])
+def test_inflated_layers_pass_each_other_further_in_few_creases_alone(case, n_pouches, ventricular):
+    """N_p = 4 presses front against back, N_p = 8 creases its pouches beside the seams."""
+    model = touching(case, n_pouches=n_pouches, ventricular=ventricular, maximum=60.0)
+    _, u = solved(model)
+    contact = Touching(model.contact, model.mesh.nodes)
+    places = model.middle(u)
+    gaps = np.concatenate([g.ravel() for g in contact.gaps(places)])
+    facing = np.concatenate([np.ones(contact.plane_area.size, bool), contact.facing(places).ravel()])
+    passed = gaps[facing] / case.device.material.thickness
+    assert passed.min() < 0, "some layers are pressed into each other"
+    assert np.quantile(passed, 0.01) > -0.05
+    assert passed.min() > -0.5
 
 
 def test_factors_that_couple_what_touches_follow_the_same_path_with_frames_or_without(case):

@@ -24,7 +24,7 @@ from limo.mechanics.volumes import volumes
 from limo.schema.solver import Solver
 from tests.helpers.calculix import handed_to_calculix
 from tests.helpers.cases import small_mesh, with_, woven
-from tests.helpers.patches import curved_patch, grid, patch_mesh, patch_model
+from tests.helpers.patches import crooked, curved_patch, grid, patch_mesh, patch_model
 
 
 def tight(case: Case, **changes) -> Case:
@@ -59,14 +59,7 @@ def negative_pivots(model: Model, displacements: np.ndarray, ventricular: float,
 @pytest.mark.parametrize("element", ["C3D20R", "C3D20"])
 def test_a_patch_takes_a_constant_strain(case, element):
     """On crooked bricks with straight edges; large strains, the outer nodes displaced and all others free."""
-    points, quads = grid(3, 3)
-    corner = np.zeros(len(points), bool)
-    corner[quads[:, :4]] = True
-    inner = (np.abs(points) < 1 - 1e-9).all(axis=1)
-    rng = np.random.default_rng(1)
-    points = points + np.where((corner & inner)[:, None], rng.uniform(-0.15, 0.15, points.shape), 0.0)
-    for k in range(4):
-        points[quads[:, 4 + k]] = 0.5 * (points[quads[:, k]] + points[quads[:, (k + 1) % 4]])
+    points, quads, inner = crooked(3)
     mesh = patch_mesh(np.column_stack([10 * points, 0 * points[:, 0]]), quads)
     case = tight(case, element=element, ventricular_pressure=0.0, actuation_pressure_max=0.0, newton={"residual": 1e-9})
     free = patch_model(case, mesh)

@@ -10,7 +10,7 @@ import xarray as xr
 
 from limo.config.project import Project
 from limo.datasets.study import gather_study
-from limo.measure.states import lowest
+from limo.measure.states import REMARKS_APART, lowest
 from limo.schema.exploration import BOUND, NEVER, Exploration
 from limo.store.statuses import CONVERGED, DEGRADED, USABLE
 
@@ -44,7 +44,8 @@ def tell(project: Project, exploration: Exploration, name: str, case_folder: Pat
         unknown = dict.fromkeys(names, float("nan"))
         return Told(str(statuses[failed[0]]), reason, unknown, unknown)
     status = DEGRADED if DEGRADED in statuses else CONVERGED
-    remarks = "; ".join(dict.fromkeys(str(r) for r in one.case_reason.values.ravel() if str(r)))
+    said = [str(r) for name in ("case_reason", "case_remarks") if name in one for r in one[name].values.ravel()]
+    remarks = REMARKS_APART.join(dict.fromkeys(r for each in said for r in each.split(REMARKS_APART) if r))
     values = {quantity: _worst(one, exploration, quantity) for quantity in names}
     branches = [dataset.isel(branch=k) for k in range(dataset.sizes["branch"])] if "branch" in dataset.dims else [one]
     usable = [branch for branch in branches if branch.case_status.isin(USABLE).all()]

@@ -21,7 +21,7 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None, shapes: xr.Dataset)
     """Rows are cases; (a) stroke volume around the jump, (b) front and (c) back coloured with the difference across it."""
     _, _, cases = pictures.case_grid(shapes, "n_pouches")
     cases = [case for line in cases for case in line]
-    grid = pictures.Grid(width=2.0, left=3.5)
+    grid, note = pictures.with_notes(pictures.Grid(width=2.0, left=3.5), 2, style.gaps(dataset))
     figure, axes = pictures.picture_figure(len(cases), 2, grid)
     curves = [pictures.beside(figure, axis, 0.7, 2.5) for axis in axes[:, 0]]
     scale = Scale("viridis", 0.0, pictures.rounded_up(_largest(shapes)))
@@ -33,7 +33,8 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None, shapes: xr.Dataset)
             panel.set_title(title, loc="left")
         if len(cases) > 1:
             axis.text(0.03, 0.97, pictures.names(case, pictures.varying(shapes)), transform=axis.transAxes, va="top")
-    pictures.colour_bar(figure, scale, r"Displacement difference $\Vert u(P_{a,c+}) - u(P_{a,c-}) \Vert / L$ [-]", extend="max")
+    text = r"Displacement difference $\Vert u(P_{a,c+}) - u(P_{a,c-}) \Vert / L$ [-]"
+    pictures.colour_bar(figure, scale, text, extend="max", note=note)
     return figure
 
 

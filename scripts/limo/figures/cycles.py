@@ -55,5 +55,5 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None, shapes: xr.Dataset)
     scale = life_scale(shapes, fatigue)
     figure = pictures.pair_grid(dataset, shapes, lambda case: pictures_of(case, scale, fatigue))
     text = f"Expected cycles $N_f$ [-] near seams; grey: more than {fatigue.seam_distance.value:g} mm from a seam, not estimated"
-    pictures.colour_bar(figure, scale, text, extend="max", note=pictures.pairs(shapes)[1])
+    pictures.colour_bar(figure, scale, text, extend="max", note=pictures.pairs(dataset, shapes)[1])
     return figure

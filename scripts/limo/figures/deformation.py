@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from limo.figures import pictures
+from limo.figures import pictures, style
 from limo.figures.render import Scale, Scene
 from limo.mesh.surface import facets
 
@@ -25,7 +25,9 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None, shapes: xr.Dataset)
     down, lines = -(-len(blocks) // across), len(cases[0])
     scale = Scale("viridis", 0.0, pictures.rounded_up(_largest(shapes)))
     grid = pictures.Grid(width=1.3, top=0.25 if others else 0.05, block=(lines if others else 0, wide))
-    grid, note = pictures.with_notes(grid, across * wide, _notes([case for solution in cases for case in solution], shown))
+    grid, note = pictures.with_notes(
+        grid, across * wide, _notes(dataset, [case for solution in cases for case in solution], shown)
+    )
     figure, axes = pictures.picture_figure(down * lines, across * wide, grid)
     for k, (block, solution) in enumerate(zip(blocks, cases, strict=True)):
         first, left = k // across * lines, k % across * wide
@@ -60,12 +62,13 @@ def _pressure(case: xr.Dataset, offset: float) -> float:
     return float(case.ventricular_pressure) + offset
 
 
-def _notes(cases: list[xr.Dataset], shown: tuple[float | None, ...]) -> list[str]:
-    """What stands below: why there are fewer pictures, and what a star and a pale picture mean."""
+def _notes(dataset: xr.Dataset, cases: list[xr.Dataset], shown: tuple[float | None, ...]) -> list[str]:
+    """What stands below: why there are fewer pictures, what a star and a pale picture mean, and what is wrong with cases."""
     frames = [(case, _frame(case, offset)) for case in cases for offset in shown]
     starred = any(pictures.is_touching(case, frame) for case, frame in frames)
     few = f"fewer pictures: $P_{{a,max}}$ is $P_v$ + {COLUMNS[len(shown) - 1] or 0:g} kPa at most"
-    return [few] * (len(shown) < len(COLUMNS)) + [f"{pictures.STAR}; the picture is pale"] * starred
+    pale = "; the picture is pale" * any(pictures.is_pale(case, frame) for case, frame in frames)
+    return [few] * (len(shown) < len(COLUMNS)) + [pictures.STAR + pale] * starred + style.gaps(dataset)
 
 
 def _row(axes, case: xr.Dataset, shown: tuple[float | None, ...], scale: Scale, reason: str) -> None:
@@ -83,7 +86,7 @@ def _row(axes, case: xr.Dataset, shown: tuple[float | None, ...], scale: Scale, 
         length = float(case.device_length)
         surface = pictures.device(case, displacement, np.linalg.norm(displacement, axis=1) / length)
         image = pictures.picture(Scene().add(facets(surface), scale=scale), pictures.DEFORMED, length)
-        pictures.show(axis, pictures.faded(image) if pictures.is_touching(case, frame) else image)
+        pictures.show(axis, pictures.faded(image) if pictures.is_pale(case, frame) else image)
         axis.set_title(pictures.pressure_label(case, frame), fontsize=7, pad=2)
 
 

@@ -7,7 +7,7 @@ import pandas as pd
 import xarray as xr
 from matplotlib.patches import Patch
 
-from limo.figures import pictures
+from limo.figures import pictures, style
 from limo.figures.render import Camera, Scene
 from limo.mesh.layers import LAYERS
 from limo.mesh.surface import Surface, facets
@@ -25,7 +25,8 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None, shapes: xr.Dataset)
     """Columns (a) reference, (b) initial, at P_a = 0, (c) inflated, at the highest P_a; rows are cases."""
     _, _, cases = pictures.case_grid(shapes, "")
     flat = [case for line in cases for case in line]
-    figure, axes = pictures.picture_figure(len(flat), 3, pictures.Grid(width=2.3, bottom=0.35))
+    grid, note = pictures.with_notes(pictures.Grid(width=2.3, bottom=0.35), 3, style.gaps(dataset))
+    figure, axes = pictures.picture_figure(len(flat), 3, grid)
     for row, case in zip(axes, flat, strict=True):
         first, last = pictures.frame_at(case, 0.0), pictures.last_frame(case)
         reason = pictures.empty_reason(dataset, case)
@@ -42,6 +43,7 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None, shapes: xr.Dataset)
     figure.legend(
         handles=[Patch(facecolor=color, edgecolor="0.3", lw=0.5, label=text) for text, color in DOMAINS.values()],
         loc="lower center",
+        bbox_to_anchor=(0.5, pictures.note_below(figure, note)),
         ncols=3,
     )
     return figure

@@ -15,7 +15,7 @@ from matplotlib.patches import Rectangle
 
 from limo.figures import style
 from limo.figures.render import Camera, Scale, Scene, render
-from limo.measure.states import lowest
+from limo.measure.states import in_contact, lowest
 from limo.mesh.layers import LAYERS
 from limo.mesh.surface import Facets, Surface, facets, full_device, surface_of
 from limo.store.statuses import USABLE
@@ -171,7 +171,7 @@ class Grid:
 #: room below the colour bar for a line of small print, and width of one of its letters, in inches
 _LINE, _LETTER = 0.12, 0.047
 #: what the star behind a pressure means
-STAR = "* front and back would touch here, or pass through each other"
+STAR = "* front and back pass each other here by more than a thickness"
 
 
 def with_notes(grid: Grid, columns: int, notes: list[str]) -> tuple[Grid, str]:
@@ -181,11 +181,11 @@ def with_notes(grid: Grid, columns: int, notes: list[str]) -> tuple[Grid, str]:
     return replace(grid, bottom=grid.bottom + _LINE * len(lines)), "\n".join(lines)
 
 
-def pairs(shapes: xr.Dataset) -> tuple[Grid, str]:
-    """Where pictures in pairs stand, and the note below them: what a star means, where one of their pressures has it."""
+def pairs(dataset: xr.Dataset, shapes: xr.Dataset) -> tuple[Grid, str]:
+    """Where pictures in pairs stand, and the note below: what a star means where there is one, and what is wrong with cases."""
     _, columns, cases = case_grid(shapes, "n_pouches")
     starred = any(is_touching(case, last_frame(case)) for line in cases for case in line)
-    return with_notes(Grid(width=1.15, block=(0, 2), room=(0.0, 0.12)), 2 * len(columns), [STAR] * starred)
+    return with_notes(Grid(width=1.15, block=(0, 2), room=(0.0, 0.12)), 2 * len(columns), [STAR] * starred + style.gaps(dataset))
 
 
 def picture_figure(rows: int, columns: int, grid: Grid):
@@ -205,7 +205,7 @@ def pair_grid(dataset: xr.Dataset, shapes: xr.Dataset, draw: Callable[[xr.Datase
     """Two pictures of each case side by side, which ``draw`` makes; cases in rows P_v and columns N_p, or what varies."""
     rows, columns, cases = case_grid(shapes, "n_pouches")
     count = len(rows), 2 * len(columns)
-    grid, _ = pairs(shapes)
+    grid, _ = pairs(dataset, shapes)
     figure, axes = picture_figure(*count, grid) if parent is None else (parent, grid.axes(parent, *count))
     for i, (line, row, name) in enumerate(zip(cases, axes, rows, strict=True)):
         for k, case in enumerate(line):
@@ -220,12 +220,17 @@ def pair_grid(dataset: xr.Dataset, shapes: xr.Dataset, draw: Callable[[xr.Datase
 
 
 def is_touching(case: xr.Dataset, frame: int | None) -> bool:
-    """Whether front and back would touch in a frame; not without a frame."""
+    """Whether front and back pass each other by more than a thickness in a frame; not without a frame."""
     return frame is not None and bool(case.frame_contact.values[frame] > 0)
 
 
+def is_pale(case: xr.Dataset, frame: int | None) -> bool:
+    """Whether a frame lies beyond a contact of front and back that the model does not have."""
+    return is_touching(case, frame) and not in_contact(case)
+
+
 def pressure_label(case: xr.Dataset, frame: int | None) -> str:
-    """The pressure of a frame, with a star where layers would touch; nothing without a frame."""
+    """The pressure of a frame, with a star where front and back pass each other; nothing without a frame."""
     if frame is None:
         return ""
     star = "*" if is_touching(case, frame) else ""
@@ -237,12 +242,18 @@ def row_label(axis, text: str) -> None:
     axis.annotate(text, (-0.02, 0.5), xycoords="axes fraction", ha="right", va="center", rotation=90, fontsize=9)
 
 
+def note_below(figure, note: str) -> float:
+    """Write a ``note`` in small print at the bottom; returns the share of the figure's height that it takes."""
+    tall = figure.bbox.height / figure.figure.dpi
+    figure.text(0.5, 0.03 / tall, note, ha="center", va="bottom", fontsize=6.5)
+    return _LINE * (note.count("\n") + 1) / tall if note else 0.0
+
+
 def colour_bar(figure, scale: Scale, text: str, extend: str = "neither", note: str = ""):
     """A colour bar at the bottom, below all panels, and below it a ``note`` in small print."""
     wide, tall = figure.bbox.width / figure.figure.dpi, figure.bbox.height / figure.figure.dpi
-    length, low = min(0.6 * wide, 5.0), 0.42 + (_LINE * (note.count("\n") + 1) if note else 0.0)
-    axis = figure.add_axes((0.5 - length / wide / 2, low / tall, length / wide, 0.11 / tall))
-    figure.text(0.5, 0.03 / tall, note, ha="center", va="bottom", fontsize=6.5)
+    length, low = min(0.6 * wide, 5.0), 0.42 / tall + note_below(figure, note)
+    axis = figure.add_axes((0.5 - length / wide / 2, low, length / wide, 0.11 / tall))
     bar = figure.colorbar(ScalarMappable(scale.norm, scale.map), cax=axis, orientation="horizontal", extend=extend)
     bar.ax.tick_params(labelsize=8)
     bar.set_label(text, labelpad=1, fontsize=9)

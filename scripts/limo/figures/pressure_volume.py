@@ -66,7 +66,7 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
     finite = dataset.io_ratio.values[np.isfinite(dataset.io_ratio.values)]
     axes[2].set_ylim(0, max(2.0, 1.1 * np.quantile(finite, 0.99)) if len(finite) else 2.0)
     handles = [*axes[1].get_legend_handles_labels()[0], *laid_over]
-    figure.legend(handles=handles, loc="outside lower center", ncols=min(4, len(handles)))
+    style.legend(figure, handles, style.gaps(every), min(4, len(handles)))
     return figure
 
 

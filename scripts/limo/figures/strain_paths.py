@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from limo.figures import pictures
+from limo.figures import pictures, style
 from limo.figures.render import PLAIN, Scale, Scene
 from limo.mesh.layers import LAYERS
 from limo.mesh.surface import facets, mirrors
@@ -21,14 +21,15 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None, shapes: xr.Dataset)
     labels = labels if len(labels) == len(cases) else [pictures.names(case, pictures.varying(shapes)) for case in cases]
     strain = shapes.line_strain.values
     scale = Scale("viridis", 0.0, pictures.rounded_up(np.nanquantile(strain, 0.98)) if np.isfinite(strain).any() else 1.0)
-    figure, axes = pictures.picture_figure(2, len(cases), pictures.Grid(width=1.85))
+    grid, note = pictures.with_notes(pictures.Grid(width=1.85), len(cases), style.gaps(dataset))
+    figure, axes = pictures.picture_figure(2, len(cases), grid)
     for k, (case, name) in enumerate(zip(cases, labels, strict=True)):
         axes[0, k].set_title(name, fontsize=9)
         for axis, side in zip(axes[:, k], ROWS, strict=True):
             pictures.show(axis, picture_of(case, side, scale), pictures.empty_reason(dataset, case))
     for axis, letter, text in zip(axes[:, 0], "ab", ROWS.values(), strict=True):
         pictures.row_label(axis, f"({letter}) {text}")
-    pictures.colour_bar(figure, scale, "Largest principal strain in the fabric's plane $E_1$ [-]", extend="max")
+    pictures.colour_bar(figure, scale, "Largest principal strain in the fabric's plane $E_1$ [-]", extend="max", note=note)
     return figure
 
 

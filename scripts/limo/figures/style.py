@@ -14,7 +14,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from PIL import Image
 
-from limo.measure.states import folded_otherwise, remarked
+from limo.measure.states import folded_otherwise, in_contact, remarked
 from limo.schema.figures import shown_places
 
 if TYPE_CHECKING:
@@ -81,10 +81,12 @@ def line_of(case: xr.Dataset) -> str:
 def curve(axis, case: xr.Dataset, name: str, color: str, **looks) -> None:
     """A curve over P_a by the case's status, lighter from the first stored frame on in which front and back would touch.
 
-    ``looks``: what else matplotlib's ``plot`` takes. Without the output contact, nothing is known of that and nothing lighter.
+    ``looks``: what else matplotlib's ``plot`` takes. Without the output contact, nothing is known of that and nothing lighter;
+    nor where front and back do touch in the model.
     """
     pressure, values = case.actuation_pressure.values, drawn(case, name).values
-    touching = float(case.contact_front_back) if "contact_front_back" in case else np.nan
+    known = "contact_front_back" in case and not in_contact(case)
+    touching = float(case.contact_front_back) if known else np.nan
     clear = ~(pressure > touching)
     axis.plot(pressure[clear], values[clear], line_of(case), color=color, **looks)
     if not clear.all():

@@ -33,5 +33,5 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None, shapes: xr.Dataset)
     """Rows P_v, columns N_p (or what varies); each panel: on the flat device left, on the deformed one right."""
     scale = stress_scale(shapes)
     figure = pictures.pair_grid(dataset, shapes, lambda case: pictures_of(case, scale))
-    pictures.colour_bar(figure, scale, "Von Mises stress [MPa]", extend="max", note=pictures.pairs(shapes)[1])
+    pictures.colour_bar(figure, scale, "Von Mises stress [MPa]", extend="max", note=pictures.pairs(dataset, shapes)[1])
     return figure

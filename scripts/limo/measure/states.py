@@ -7,6 +7,8 @@ their seams, holds P_v. One that lies above the others has folded otherwise.
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import xarray as xr
 
@@ -74,6 +76,14 @@ def folded_otherwise(dataset: xr.Dataset) -> list[str]:
             f"{where}: folded otherwise than devices with other N_p, {100 * float(case):.1f} % above their energy at rest"
         )
     return lines
+
+
+def in_contact(dataset: xr.Dataset) -> bool:
+    """Whether front and back touch in the models of all cases of a study: their curves then mean something beyond contact."""
+    settings = json.loads(dataset.attrs.get("config", "{}")).get("settings", {})
+    names = [str(v) for v in np.atleast_1d(dataset.variant.values)] if "variant" in dataset.coords else list(settings)
+    touch = [(settings[name]["numerics"].get("contact") or {}).get("front_back", False) for name in names if name in settings]
+    return bool(touch) and all(touch)
 
 
 def remarked(dataset: xr.Dataset) -> list[str]:

@@ -21,6 +21,7 @@ from limo.beat.circulations import read_circulations
 from limo.datasets.variables import SYMBOLS, place
 from limo.errors import ResultError
 from limo.figures.style import COLORS
+from limo.measure.states import REMARKS_APART
 from limo.page import BUDGET, FILE, FOLDER, TEMPLATES, dataset_of
 from limo.page.curves import curves
 from limo.page.devices import LEFT_OUT, Devices
@@ -170,8 +171,10 @@ def _label(case: xr.Dataset, dims: list[str]) -> str:
 
 
 def _remarks(case: xr.Dataset) -> list[str]:
-    """Why a case failed, and what is less than it should be though it did not."""
+    """Why a case failed, what is not physical about it, and what is less than it should be though it did not."""
     remarks = [str(case.case_reason.values)]
+    if "case_remarks" in case:
+        remarks += str(case.case_remarks.values).split(REMARKS_APART)
     if "measure_status" in case and str(case.measure_status.values) != MEASURED:
         remarks.append(f"not measured: {case.measure_reason.values}")
     if "check_status" in case and (check := str(case.check_status.values)) and not check.endswith(" converged"):

@@ -79,11 +79,12 @@ def _paper_table(root: Path) -> str:
 
 
 def _paper_page(root: Path) -> str:
-    return paper_check.page_of(_compared(root), CHECKED, Path("docs/paper_check.csv"), BESIDE)
+    return paper_check.page_of(_compared(root), CHECKED, Path("docs/paper_check.csv"), BESIDE, geometry.INFERRED)
 
 
 def _compared(root: Path) -> pd.DataFrame:
-    return paper_check.compared(root / CHECKED, {name: root / folder for name, folder in BESIDE.items()})
+    beside = {name: root / folder for name, folder in BESIDE.items()}
+    return paper_check.compared(root / CHECKED, beside, root / geometry.INFERRED)
 
 
 def _schema(name: str) -> Callable[[Path], str]:

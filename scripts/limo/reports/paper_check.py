@@ -1,7 +1,8 @@
 """The statements of the paper that can be tested, against the datasets of the studies: a verdict each, computed and never typed.
 
 A statement about many cases is counted: ``reproduced`` where it holds for all of them, ``not`` where it holds for less than
-half. One about a number has two bands around the paper's value. Cases that failed count as cases where it does not hold.
+half. One about a number has two bands around the paper's value. Cases that failed count as cases where it does not hold; those
+that are degraded are judged, and counted beside the verdicts.
 
 Each judge reads the paper in one way, which stands in the table. Where a sentence can be read in another way, a second judge has
 that reading, and its verdict is shown if it is another one. What the paper describes over the ramp is judged from P_v up to the
@@ -20,10 +21,10 @@ import xarray as xr
 
 from limo.datasets.curves import at_end
 from limo.errors import LimoError
-from limo.measure.states import lowest
+from limo.measure.states import in_contact, lowest
 from limo.reports.markdown import markdown_table, read_rows
 from limo.store.files import write_whole
-from limo.store.statuses import CONVERGED, MISSING
+from limo.store.statuses import DEGRADED, MISSING, USABLE
 
 Judge = Callable[[xr.Dataset], tuple[str, str]]
 VERDICTS = ("reproduced", "partly", "not", "no data")
@@ -78,7 +79,7 @@ def graded(value: float, low: float, high: float, wider: float) -> str:
 
 def _end(dataset: xr.Dataset, name: str) -> xr.DataArray:
     """A curve's value at the case's own P_a,max; NaN for one that failed before."""
-    return at_end(dataset[name]).where(dataset.case_status == CONVERGED)
+    return at_end(dataset[name]).where(dataset.case_status.isin(USABLE))
 
 
 def _each(array: xr.DataArray) -> np.ndarray:
@@ -96,8 +97,11 @@ def _range(values: np.ndarray, form: str = "{:.1f}") -> str:
 
 
 def up_to_contact(dataset: xr.Dataset) -> xr.Dataset:
-    """The same without the part of the curves beyond the first frame in which front and back would touch, where that is known."""
-    if "contact_front_back" not in dataset:
+    """The same without the part of the curves beyond the first frame in which front and back would touch, where that is known.
+
+    All of it where they do touch in the models: what is marked there is where they are pressed into each other, in places.
+    """
+    if "contact_front_back" not in dataset or in_contact(dataset):
         return dataset
     clear = ~(dataset.actuation_pressure >= dataset.contact_front_back)
     return dataset.assign({n: v.where(clear) for n, v in dataset.data_vars.items() if "actuation_pressure" in v.dims})
@@ -159,7 +163,7 @@ def _ratio_above_one(name: str, *, clear: bool) -> Judge:
     """Whether the ratio exceeds one at P_a,max, or before contact if ``clear``."""
 
     def judge(d: xr.Dataset) -> tuple[str, str]:
-        solved = d.case_status == CONVERGED
+        solved = d.case_status.isin(USABLE)
         ratio = _each(at_end(up_to_contact(d)[name]).where(solved) if clear else _end(d, name))
         text, verdict = counted(ratio > 1.0, "cases before contact" if clear else "cases at P_a,max")
         return f"{text}; {_range(ratio, '{:.2f}')}", verdict
@@ -182,7 +186,7 @@ def _ratio_starts_at_one(d: xr.Dataset) -> tuple[str, str]:
 
 def _mean_ratio_falls(d: xr.Dataset) -> tuple[str, str]:
     """The mean ratio from P_v on of two neighbouring devices, over the pressures that both reach before contact."""
-    clear = up_to_contact(d).io_ratio.where(d.case_status == CONVERGED).where(d.actuation_pressure >= d.ventricular_pressure)
+    clear = up_to_contact(d).io_ratio.where(d.case_status.isin(USABLE)).where(d.actuation_pressure >= d.ventricular_pressure)
     more, fewer = clear.isel(n_pouches=slice(1, None)), clear.isel(n_pouches=slice(None, -1))
     fewer = fewer.assign_coords(n_pouches=more.n_pouches)
     both = more.notnull() & fewer.notnull()
@@ -441,6 +445,7 @@ def check(datasets: Mapping[str, xr.Dataset], inferred: Mapping[str, str] | None
         first = statement.readings[statement.reading]
         ours, verdict = (lacks, "no data") if lacks else _found(first, shown) if branches else ("-", "no data")
         collected = [(ours, verdict)] if lacks or not branches else [_found(first, branch) for branch in branches]
+        degraded = _degraded(shown) if branches and verdict != "no data" else ""
         differing = {} if lacks or not branches else _differing(statement, shown, verdict)
         rows.append(
             {
@@ -448,7 +453,7 @@ def check(datasets: Mapping[str, xr.Dataset], inferred: Mapping[str, str] | None
                 "statement": statement.text,
                 "paper": statement.paper,
                 "reading": statement.reading,
-                "ours": ours,
+                "ours": ours + degraded,
                 "verdict": verdict,
                 "branches": f"{sum(v == verdict for _, v in collected)} of {len(collected)}",
                 "read otherwise": "; ".join(f"{name}: {other} ({text})" for name, (text, other) in differing.items()),
@@ -469,6 +474,12 @@ def _branches(dataset: xr.Dataset | None) -> tuple[xr.Dataset | None, list[xr.Da
     missing = int((first.case_status == MISSING).sum())
     lacks = f"{missing} of {first.case_status.size} cases are not solved yet" if missing else ""
     return lowest(dataset), [first, *(branch for branch in others if not (branch.case_status == MISSING).any())], lacks
+
+
+def _degraded(dataset: xr.Dataset) -> str:
+    """How many cases of a study are degraded; nothing for none."""
+    count = int((dataset.case_status == DEGRADED).sum())
+    return f" ({count} of {dataset.case_status.size} cases degraded)" if count else ""
 
 
 def _differing(statement: Statement, dataset: xr.Dataset, verdict: str) -> dict[str, tuple[str, str]]:
@@ -514,33 +525,37 @@ def read_dataset(data: Path, name: str) -> xr.Dataset | None:
     return dataset
 
 
-def read_inferred(data: Path) -> dict[str, str]:
-    """By statement, whether an inference that is kept beside datasets used it (``limo infer --table``); none without one."""
-    file = data / INFERRED
-    if not file.exists():
+def read_inferred(data: Path, otherwise: Path | None = None) -> dict[str, str]:
+    """By statement, whether an inference used it (``limo infer --table``): that beside the datasets, else the other; or none."""
+    file = next((f for f in (data / INFERRED, otherwise) if f and f.exists()), None)
+    if file is None:
         return {}
     rows = read_rows(file, "an inference", ("kind", "name", "inference"), keep_default_na=False)
     return dict(rows[rows.kind == "statement"][["name", "inference"]].itertuples(index=False))
 
 
-def write_check(data: Path, table: Path, page: Path, beside: Mapping[str, Path] | None = None) -> str:
+def write_check(
+    data: Path, table: Path, page: Path, beside: Mapping[str, Path] | None = None, inferred: Path | None = None
+) -> str:
     """Write the table as CSV and as a page of documentation; returns a line with the count of each verdict.
 
-    ``beside``: by name the datasets of other models, whose verdicts get a column each.
+    ``beside``: by name the datasets of other models, whose verdicts get a column each. ``inferred``: the table of an inference
+    of what these datasets' geometry leaves open.
     """
-    rows = compared(data, beside)
+    rows = compared(data, beside, inferred)
     write_whole(table, lambda path: rows.to_csv(path, index=False))
-    write_whole(page, lambda path: path.write_text(page_of(rows, data, table, beside), encoding="utf-8"))
+    write_whole(page, lambda path: path.write_text(page_of(rows, data, table, beside, inferred), encoding="utf-8"))
     return _counts(rows.verdict)
 
 
-def compared(data: Path, beside: Mapping[str, Path] | None = None) -> pd.DataFrame:
+def compared(data: Path, beside: Mapping[str, Path] | None = None, inferred: Path | None = None) -> pd.DataFrame:
     """The table of a folder of datasets, with a column for those of each of the others, and where a statement holds."""
-    rows = check(read_studies(data), read_inferred(data))
+    rows = check(read_studies(data), read_inferred(data, inferred))
     holds = {"ours": rows.verdict == "reproduced"}
     for name, folder in (beside or {}).items():
         other = check(read_studies(folder))
-        rows.insert(list(rows).index("study"), name, other.verdict + ": " + other.ours)
+        otherwise = ("; " + other["read otherwise"]).where(other["read otherwise"] != "", "")
+        rows.insert(list(rows).index("study"), name, other.verdict + ": " + other.ours + otherwise)
         holds[name] = other.verdict == "reproduced"
     if beside:
         held = [", ".join(name for name, held in holds.items() if held[k]) or "none" for k in rows.index]
@@ -553,18 +568,23 @@ def _counts(verdicts: pd.Series) -> str:
     return ", ".join(f"{counts.get(v, 0)} {v}" for v in VERDICTS)
 
 
-def page_of(rows: pd.DataFrame, data: Path, table: Path, beside: Mapping[str, Path] | None = None) -> str:
+def page_of(
+    rows: pd.DataFrame, data: Path, table: Path, beside: Mapping[str, Path] | None = None, inferred: Path | None = None
+) -> str:
     """The page of documentation about a table."""
     beside = beside or {}
     also = "".join(f" --beside {name}={folder}" for name, folder in beside.items())
+    also += f" --inference {inferred}" if inferred else ""
     sentences = (
         f"Generated by `limo paper-check --data {data}{also}`; do not edit. The same table is in `{table.name}`. A "
         "statement about many cases is `reproduced` if it holds for all of them, and `partly` if it holds for at least half. A "
         "statement about a number has two bands, which `scripts/limo/reports/paper_check.py` states. `reading` says how a judge "
         "reads the paper; `read otherwise` lists other readings with their verdicts where these differ. Nothing is tuned to turn "
-        "a row green, except the documented geometry (`docs/geometry.md`). `inference` says whether unknown geometry was "
-        "inferred from a row (`used`), or a row was `held out` to test it; `not used`: nothing was inferred for these data."
+        "a row green, except the documented geometry (`docs/geometry.md`). `inference` says whether unknown geometry is "
+        "inferred from a row (`used`), or a row is `held out` to test that; `not used`: neither."
     )
+    if inferred:
+        sentences += f" That inference is `{inferred}`; these data have the geometry that it begins with."
     if "branches" in rows:
         sentences += (
             " Numbers and verdicts are those of the solution of each case that has the least energy at rest. `branches` counts "
@@ -575,5 +595,5 @@ def page_of(rows: pd.DataFrame, data: Path, table: Path, beside: Mapping[str, Pa
         sentences += f" The column `{name}` has the results of the datasets in `{folder}`."
         counted_verdicts.append(f"In `{name}`: {_counts(rows[name].str.split(':').str[0])}.")
     if beside:
-        sentences += " `holds in` names the sets in which a statement is reproduced, `ours` being the first."
+        sentences += f" `ours` and `verdict` are of `{data}`. `holds in` names the sets in which a statement is reproduced."
     return "\n\n".join(["# The paper's statements", sentences, " ".join(counted_verdicts), markdown_table(rows)]) + "\n"

@@ -219,20 +219,19 @@ def geometry(kept: Kept) -> str:
 
 
 def contact(kept: Kept) -> str:
-    """Which devices touch themselves, and from which stored frame on at the lowest P_v."""
-    touches = kept.loads(STANDARD).contact_front_back
-    devices = touches.n_pouches.values[touches.notnull().any([d for d in touches.dims if d != "n_pouches"]).values]
-    first = touches.isel(ventricular_pressure=0)
-    collected = "Front and back meet in no device there."
+    """Where layers touch, and in which devices they are pressed into each other in places."""
+    passed = kept.loads(STANDARD)[["contact_front_back", "contact_endo_epi"]].to_array().notnull()
+    devices = passed.n_pouches.values[passed.any([d for d in passed.dims if d != "n_pouches"]).values]
+    collected = ""
     if len(devices):
-        at = f"P_v = {float(first.ventricular_pressure):g} kPa"
-        lowest_pressure = f"from P_a = {float(first.min()):.0f} kPa on" if bool(first.notnull().any()) else "not at all"
-        collected = f"Front and back meet in N_p = {listed([str(n) for n in devices])}, at {at} {lowest_pressure}."
+        names = listed([str(n) for n in devices])
+        collected = f" In creases of N_p = {names} they still pass each other by more than a thickness in places."
     return (
         "**Layers touch with engine newton alone, and where `contact` asks for it.** At `standard` front and back, and both "
-        f"layers of a pouch, press on each other. {collected} Elsewhere strokes are too large once front and back touch. "
+        f"layers of a pouch, press on each other.{collected} Elsewhere strokes are too large once front and back touch. "
         "Neighbouring pouches and folds of the outer edge pass through each other everywhere; `contact_outer` flags that. "
-        "Figures mark states in which front and back touch pale or with a star, from the first stored frame on."
+        "Figures mark states in which front and back pass each other by more than a thickness with a star, and pale where they "
+        "have no contact, from the first stored frame on."
     )
 
 

@@ -19,6 +19,8 @@ def study_of(count: int, branches: int = 1) -> xr.Dataset:
         {name: ((*dims, "actuation_pressure"), curve) for name in names}
         | {
             "case_status": (dims, np.full(shape, "converged")),
+            "case_id": (dims, np.full(shape, "one")),
+            "case_reason": (dims, np.full(shape, "")),
             "actuation_pressure_reached": (dims, np.full(shape, 60.0)),
         },
         {

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -110,7 +112,7 @@ def test_forces_are_the_slope_of_the_energy(mesh, touching):
         assert (forces * direction).sum() == pytest.approx(slope, rel=1e-5)
 
 
-def test_a_rigid_motion_and_its_mirror_image_change_nothing(device_mesh):
+def test_a_rigid_motion_changes_nothing(device_mesh):
     mesh = device_mesh(symmetry="full")
     touching = Touching(contact_of(mesh, front_back=True, endo_epi=True, penalty=PENALTY, reach=REACH, span=SPAN), mesh.nodes)
     x = pressed(touching, mesh)
@@ -118,6 +120,19 @@ def test_a_rigid_motion_and_its_mirror_image_change_nothing(device_mesh):
     turn *= np.sign(np.linalg.det(turn))
     assert touching.energy(x @ turn.T + (3.0, -5.0, 1.0)) == pytest.approx(touching.energy(x), rel=1e-9)
     np.testing.assert_allclose(touching.forces(x @ turn.T), touching.forces(x) @ turn.T, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("mirror", [(-1, 1, 1), (1, 1, -1)])
+def test_a_mirror_image_stores_the_same_and_pushes_the_mirrored_way(device_mesh, mirror):
+    """In a mirror normals point the other way round their quadrilaterals, so the lower layer is the upper one."""
+    mesh = device_mesh(symmetry="full")
+    touching = Touching(contact_of(mesh, front_back=True, endo_epi=True, penalty=PENALTY, reach=REACH, span=SPAN), mesh.nodes)
+    pairs = touching.contact
+    mirrored = Touching(replace(pairs, lower=pairs.upper, upper=pairs.lower), mesh.nodes * mirror)
+    x = pressed(touching, mesh)
+    assert mirrored.energy(x * mirror) == pytest.approx(touching.energy(x), rel=1e-12)
+    np.testing.assert_allclose(mirrored.forces(x * mirror), touching.forces(x) * mirror, rtol=0, atol=1e-12)
+    assert touching.energy(x * mirror) != pytest.approx(touching.energy(x), rel=0.1), "layers that are not swapped have passed"
 
 
 def test_without_contact_there_is_none(mesh):

@@ -30,7 +30,7 @@ from limo.page.beats import MOMENTS, beats_of
 from limo.page.devices import LEFT_OUT, MOST_PRESSURES, QUANTITIES, Devices, spread
 from limo.page.packing import pack, pack_steps
 from limo.page.write import write_page
-from limo.store.files import write_json
+from limo.store.files import read_json, write_json
 from tests.helpers.cases import configured, moved, study, write_case
 
 PRESSURES = [0.0, 13.8, 60.0]
@@ -69,6 +69,8 @@ def folder(tmp_path_factory, loaded, device_mesh):
         mesh_file.parent.mkdir()
         write_mesh(model.mesh, mesh_file)
         write_case(cases / case.case_id, model, {p: moved(model, p) for p in PRESSURES})
+        status = read_json(cases / case.case_id / "status.json")
+        write_json(cases / case.case_id / "status.json", status | {"remarks": ["layers pass each other: by 2 mm"]})
         write_json(cases / case.case_id / "case.json", describe(case))
         measure_case(case, plan.wanted[case.case_id], loaded.config.fatigue, mesh_file, cases / case.case_id)
         fields = cases / case.case_id / "fields"
@@ -190,6 +192,7 @@ def test_studies_and_what_is_missing_are_said(page, read):
     assert "Not drawn yet: strain_life." in text
     assert "not in the 3D view" in text
     assert "not measured" in text
+    assert "layers pass each other: by 2 mm" in text
 
 
 def test_links_lead_to_files_that_are_there(folder, read):

@@ -161,6 +161,9 @@ def test_the_paper_check_says_which_rows_were_used(asked, folder, capsys):
     for role, texts in (("used", question.used), ("held out", question.held_out)):
         assert set(rows.index[rows.inference == role]) == {text for text in texts if asked_of[text]}
     assert rows.inference["the device holds 300 ml"] == "not used"
+    elsewhere = (folder / "inference.csv").rename(folder.parent / "elsewhere.csv")
+    assert read_inferred(folder) == {}
+    assert {k: v or "not used" for k, v in read_inferred(folder, elsewhere).items()}.items() <= dict(rows.inference).items()
 
 
 def test_the_shipped_question_holds_half_out(root):

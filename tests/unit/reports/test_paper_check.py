@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -217,6 +219,25 @@ def test_what_is_described_over_the_ramp_ends_at_contact(data):
     assert table(data | {"afterload": snapped}).loc[GROWS, "verdict"] == "reproduced", "the steepest rise comes after contact"
     unlimited = snapped.drop_vars("contact_front_back")
     assert table(data | {"afterload": unlimited}).loc[GROWS, "verdict"] == "not"
+
+
+def test_a_model_whose_layers_touch_is_judged_to_the_end(data):
+    """What is marked there is how far they are pressed into each other, in places; its curves hold beyond it."""
+    late = data["afterload"].actuation_pressure >= 50.0
+    collapsed = touching(data["afterload"].assign(io_ratio=data["afterload"].io_ratio.where(~late, 0.5)), 50.0)
+    for front_back, verdict in ((False, "reproduced"), (True, "not")):
+        settings = {"settings": {"": {"numerics": {"contact": {"front_back": front_back, "endo_epi": True}}}}}
+        shown = collapsed.assign_attrs(config=json.dumps(settings))
+        assert table(data | {"afterload": shown}).loc[LEVER, "verdict"] == verdict
+
+
+def test_degraded_cases_are_judged_and_counted(data):
+    for name, dataset in data.items():
+        data[name] = dataset.assign(case_status=xr.full_like(dataset.case_status, "degraded"))
+    rows = table(data)
+    assert (rows.verdict == "reproduced").all()
+    assert rows.ours.str.endswith("cases degraded)").all()
+    assert "(12 of 12 cases degraded)" in rows.ours[LEVER]
 
 
 def test_the_ratio_begins_when_pouches_inflate(data):

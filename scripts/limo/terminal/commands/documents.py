@@ -118,6 +118,9 @@ def add_paper_check(commands: arguments.Commands) -> None:
         "--beside", type=arguments.named_path, action="append", default=[], metavar="[NAME=]DATA",
         help="datasets of another model, whose verdicts get a column of this name; may be given several times",
     )  # fmt: skip
+    made.add_argument(
+        "--inference", type=Path, help="table of an inference (limo infer --table) that used some statements and held others out"
+    )
     made.add_argument("--table", type=Path, default=Path("results/paper_check.csv"), help="default: %(default)s")
     made.add_argument("--page", type=Path, default=Path("results/paper_check.md"), help="default: %(default)s")
 
@@ -125,7 +128,8 @@ def add_paper_check(commands: arguments.Commands) -> None:
 def _paper_check(chosen: argparse.Namespace) -> None:
     from limo.reports.paper_check import write_check
 
-    print(f"{write_check(chosen.data, chosen.table, chosen.page, dict(chosen.beside))}: {chosen.table}, {chosen.page}")
+    verdicts = write_check(chosen.data, chosen.table, chosen.page, dict(chosen.beside), chosen.inference)
+    print(f"{verdicts}: {chosen.table}, {chosen.page}")
 
 
 def add_gallery(commands: arguments.Commands) -> None:
