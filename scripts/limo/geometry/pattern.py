@@ -145,9 +145,10 @@ def flat_pattern(pattern: Pattern, n_pouches: int, source: object = "pattern") -
     array = scaled(_smooth_unit(pattern.pouch_array, length)) if n_pouches else np.empty((0, 2))
     array[[0, -1] if n_pouches else [], 0] = 0.0
     fractions = seam_fractions(pattern, n_pouches)
-    seams = [scaled(_smooth_unit([pattern.seams.reference], length) * [f, 1.0]) for f in fractions if f > 0]
+    seams = {f: scaled(_smooth_unit([pattern.seams.reference], length) * [f, 1.0]) for f in fractions if f > 0}
     axis_is_seam = bool(fractions) and fractions[0] == 0.0
     _check(source, n_pouches, outline, array, seams)
+    seams = list(seams.values())
 
     curves: list[Curve] = []
 
@@ -190,7 +191,7 @@ def _smooth_unit(curves: list[list[tuple[float, float]]], length: float) -> np.n
     return _chain([np.asarray(c, float) * length for c in curves]) / length
 
 
-def _check(source: object, n_pouches: int, outline: np.ndarray, array: np.ndarray, seams: list[np.ndarray]) -> None:
+def _check(source: object, n_pouches: int, outline: np.ndarray, array: np.ndarray, seams: dict[float, np.ndarray]) -> None:
     """Raise ``ConfigError`` for a pattern that cannot be cut or sealed."""
     face = Polygon(np.vstack([[[0.0, 0.0]], outline]))
     if not face.is_valid:
@@ -216,9 +217,8 @@ def _check(source: object, n_pouches: int, outline: np.ndarray, array: np.ndarra
             "a simple curve from (0, y_bottom) to (0, y_top) at least 0.5 mm inside the outline",
             "pouch_array: [[[0.0, 0.2], [0.4, 0.2]], [[0.4, 0.2], [0.4, 0.9]], [[0.4, 0.9], [0.0, 0.9]]]",
         )
-    key = f"seams (n_pouches = {n_pouches})"
-    lines = [LineString(s) for s in seams]
-    for k, line in enumerate(lines):
+    key, lines = f"pattern.seams.fractions.{n_pouches}", [LineString(s) for s in seams.values()]
+    for k, (fraction, line) in enumerate(zip(seams, lines, strict=True)):
         ends = [block.exterior.distance(Point(line.coords[i])) for i in (0, -1)]
         inside = LineString(line.coords[1:-1])
         if (
@@ -230,8 +230,8 @@ def _check(source: object, n_pouches: int, outline: np.ndarray, array: np.ndarra
             raise ConfigError(
                 source,
                 key,
-                f"seam {k}",
-                "seams that start and end on the border of the pouch array and stay inside it",
+                fraction,
+                "multiples of the reference seam whose seams start and end on the border of the pouch array and stay inside it",
                 "fractions: {8: [0.0, 1.0]}",
             )
         near = [other.distance(line) for other in lines[:k]]
@@ -239,7 +239,7 @@ def _check(source: object, n_pouches: int, outline: np.ndarray, array: np.ndarra
             raise ConfigError(
                 source,
                 key,
-                f"seam {k}",
-                "seams that do not cross or touch each other or the axis x = 0 (0.5 mm apart)",
+                fraction,
+                "multiples of the reference seam whose seams do not cross or touch each other or the axis x = 0 (0.5 mm apart)",
                 "fractions: {10: [0.5, 1.3]}",
             )

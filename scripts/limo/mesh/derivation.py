@@ -354,6 +354,6 @@ def write_derivation(file: Path, starts: int, meshes: int) -> str:
     """Derive the outline, keep its table, and return what to print: the result, how far its counts are off, and the freedom."""
     found = derive(starts, meshes)
     table = table_of(found)
-    write_whole(file, lambda path: table.to_csv(path, index=False, float_format="%.4g"))
+    write_whole(file, lambda path: table.to_csv(path, index=False, float_format="%.5g"))
     shown = table.assign(off=table.value - table.published).drop(columns="published")
     return shown.to_string(index=False, float_format=lambda value: f"{value:.3f}".rstrip("0").rstrip("."), na_rep="")

@@ -23,7 +23,9 @@ def parts(root: Path) -> dict[str, Callable[[], str]]:
         return read_rows(root / TABLE, "a derived outline", _COLUMNS).set_index("name")
 
     def inferred() -> pd.DataFrame:
-        return read_rows(root / INFERRED, "an inference", ("kind", "name", "inferred", "chance"), keep_default_na=False)
+        return read_rows(
+            root / INFERRED, "an inference", ("kind", "name", "inferred", "chance", "low", "high"), keep_default_na=False
+        )
 
     return {"outline": lambda: _outline(rows()), "counts": lambda: _counts(rows()), "seams": lambda: _seams(inferred())}
 
@@ -85,7 +87,17 @@ def _seams(rows: pd.DataFrame) -> str:
             "by the belief [%]": [_percent(value) for value in about.chance],
         }
     )
-    tables = [markdown_table(places), f"{'; '.join(pouches)}." if pouches else "", markdown_table(statements)]
+    numbers = rows[rows.kind == "number"]
+    depends = pd.DataFrame(
+        {"number": numbers.name, "with the rule": numbers.prior, "over all": numbers.low + " to " + numbers.high}
+    )
+    tables = [
+        markdown_table(places),
+        f"{'; '.join(pouches)}." if pouches else "",
+        markdown_table(statements),
+        "How much numbers depend on the seams, over all positions that were solved:" if len(depends) else "",
+        markdown_table(depends) if len(depends) else "",
+    ]
     return "\n\n".join(table for table in tables if table)
 
 

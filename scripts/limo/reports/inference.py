@@ -21,10 +21,12 @@ import pandas as pd
 import xarray as xr
 
 from limo.config.yaml_file import parse, read_yaml
+from limo.datasets.curves import at_end
 from limo.errors import ConfigError, LimoError
 from limo.explore.posterior import Posterior, posterior
 from limo.explore.sampling import sample
 from limo.explore.space import Input, Space
+from limo.measure.states import lowest
 from limo.reports.paper_check import STATEMENTS, Statement, judged, read_dataset
 from limo.schema.inference import Inference
 from limo.store.files import write_whole
@@ -35,6 +37,12 @@ PENALTIES = {"reproduced": 0.0, "partly": 1.0, "not": 2.0}
 PLACES = 512
 #: how many more statements than unknowns an inference takes at least
 SPARE = 1
+#: numbers that are shown over all positions: words and factor, by variable
+NUMBERS = {
+    "stroke_volume": ("stroke at P_a,max [ml]", 1.0),
+    "io_ratio": ("Delta V_v / V_a at P_a,max", 1.0),
+    "efficiency_90ml": ("efficiency at 90 ml [%]", 100.0),
+}
 COLUMNS = ("kind", "name", "study", "inference", "prior", "inferred", "deviation", "low", "high", "chance_before", "chance")
 
 
@@ -83,6 +91,7 @@ class Inferred:
     belief: Posterior
     first: np.ndarray
     verdicts: Mapping[str, np.ndarray]
+    studies: Sequence[SeamStudy] = ()
 
 
 def read_inference(file: Path) -> Inference:
@@ -102,6 +111,7 @@ def read_inference(file: Path) -> Inference:
 def infer(file: Path, data: Path) -> pd.DataFrame:
     """What is inferred from the datasets in a folder: a row an unknown, and a row a statement with its verdict before and after.
 
+    Numbers have their value at the prior's positions, and in ``low`` and ``high`` the least and the most of all positions solved.
     ``inferred``: of a position the mean of the belief, ``low`` and ``high`` the ends of what holds 90 % of it; of a statement its
     most likely verdict, ``chance_before`` and ``chance`` how likely it is reproduced by the prior and by the belief; of numbers
     of pouches the most likely one. Raises ``ConfigError`` for a mistake in ``file`` and too few statements for the unknowns,
@@ -122,6 +132,7 @@ def infer(file: Path, data: Path) -> pd.DataFrame:
         likely = max(dict.fromkeys(verdicts), key=lambda verdict, v=verdicts: belief.chance(v == verdict)[1])
         row = _tested(statement, asked, verdicts[0], likely)
         rows.append(row | dict(zip(("chance_before", "chance"), belief.chance(verdicts == "reproduced"), strict=True)))
+    rows += [row | {"study": asked.seams} for study in found.studies for row in numbers_of(study)]
     for name in asked.designs:
         rows += _number_of_pouches(asked, name, data)
     return pd.DataFrame(rows, columns=list(COLUMNS))
@@ -133,7 +144,7 @@ def inferred_seams(file: Path, asked: Inference, data: Path) -> Inferred:
     if devices is None or seams is None:
         name = asked.devices if devices is None else asked.seams
         raise LimoError(f"{data}: no dataset of {name}; snakemake --cores 2 {name} makes it")
-    devices, seams = (d.isel(branch=0, drop=True) if "branch" in d.dims else d for d in (devices, seams))
+    devices, seams = (lowest(d) for d in (devices, seams))
     studies = seam_studies(seams, f"{data}/{asked.seams}")
     about = {s.text: s for s in STATEMENTS if s.study == asked.devices}
     used = [text for text in asked.used if text in about]
@@ -155,7 +166,8 @@ def inferred_seams(file: Path, asked: Inference, data: Path) -> Inferred:
     penalty = np.array([_penalty([verdicts[text][k] for text in used]) for k in range(len(places))])
     values = np.array([list(place.values()) for place in designs])
     prior = -0.5 * (((values - first) / asked.prior_spread) ** 2).sum(axis=1)
-    return Inferred(posterior(space, places, prior, penalty), first, {text: np.array(each) for text, each in verdicts.items()})
+    found = {text: np.array(each) for text, each in verdicts.items()}
+    return Inferred(posterior(space, places, prior, penalty), first, found, studies)
 
 
 def seam_studies(dataset: xr.Dataset, source: str) -> list[SeamStudy]:
@@ -172,10 +184,28 @@ def seam_studies(dataset: xr.Dataset, source: str) -> list[SeamStudy]:
         kept = one.isel(variant=usable)
         listed = [settings[str(v)]["device"]["pattern"]["seams"]["fractions"][str(n_pouches)] for v in one.variant.values[usable]]
         positions = np.array([[f for f in fractions if f > 0] for fractions in listed], float)
-        if len(positions) < positions.reshape(len(positions), -1).shape[1] + 2 or not usable[0]:
-            raise LimoError(f"{source}: N_p = {n_pouches} has {len(positions)} usable variants, too few to interpolate between")
+        least = positions.reshape(len(positions), -1).shape[1] + 2
+        if len(positions) < least or not usable[0]:
+            raise LimoError(
+                f"{source}: variants = {len(positions)} usable ones of N_p = {n_pouches}; expected {least} or more, the first "
+                "among them, to interpolate between; for example variants: {prior: {}, inner: {...}, outer: {...}, far: {...}}"
+            )
         collected.append(SeamStudy(n_pouches, positions, kept))
     return collected
+
+
+def numbers_of(study: SeamStudy) -> list[dict[str, object]]:
+    """Rows on what depends on seams, by P_v: with the prior's positions, and the least and the most of all that were solved."""
+    rows = []
+    for ventricular in study.cases.ventricular_pressure.values:
+        cases = study.cases.sel(ventricular_pressure=ventricular)
+        for name, (words, factor) in NUMBERS.items():
+            each = at_end(cases[name]) if "actuation_pressure" in cases[name].dims else cases[name]
+            values = factor * each.values.ravel()
+            ends = (float(np.nanmin(values)), float(np.nanmax(values))) if np.isfinite(values).any() else (np.nan, np.nan)
+            row = {"kind": "number", "name": f"{words}, N_p = {study.n_pouches}, P_v = {ventricular:g} kPa"}
+            rows.append(row | {"prior": float(values[0]), "low": ends[0], "high": ends[1]})
+    return rows
 
 
 def with_seams(devices: xr.Dataset, studies: list[SeamStudy], places: Sequence[np.ndarray]) -> xr.Dataset:
@@ -222,7 +252,7 @@ def _number_of_pouches(asked: Inference, name: str, data: Path) -> list[dict[str
     about = [s for s in STATEMENTS if s.study == name]
     if dataset is None or dataset.sizes.get("n_pouches", 1) < 2:
         return []
-    dataset = dataset.isel(branch=0, drop=True) if "branch" in dataset.dims else dataset
+    dataset = lowest(dataset)
     verdicts: Mapping[int, dict[str, str]] = {
         int(n): {s.text: judged(s, dataset.sel(n_pouches=[n]), f"N_p = {int(n)}: ")[1] for s in about}
         for n in dataset.n_pouches.values

@@ -168,7 +168,7 @@ class Touch(Section):
         0.05,
         gt=0,
         le=0.5,
-        description="how far layers pass each other under 100 kPa, and from which gap on they touch, over the thickness",
+        description="from which gap on layers touch, and how far one bar presses them past each other, over the thickness",
         examples=[0.05],
     )
     coupling: Coupling = Field(

@@ -121,7 +121,7 @@ def test_a_variant_that_failed_is_left_out_and_too_few_are_refused(data):  # noq
     dataset.case_status.loc[{"variant": "inner", "n_pouches": 10}] = "diverged"
     assert [len(s.positions) for s in seam_studies(dataset, "here")] == [5, 4]
     dataset.case_status.loc[{"variant": ["inner", "outer"], "n_pouches": 10}] = "diverged"
-    with pytest.raises(LimoError, match=r"here: N_p = 10 has 3 usable variants"):
+    with pytest.raises(LimoError, match=r"here: variants = 3 usable ones of N_p = 10; expected 4 or more.*for example"):
         seam_studies(dataset, "here")
 
 
