@@ -22,7 +22,7 @@ import xarray as xr
 import yaml
 
 from limo.measure.ramp import ramp_of
-from limo.reports.before import ABOVE, COLUMNS, EARLIERS, KEYS, SETTINGS, read_before
+from limo.reports.before import ABOVE, COLUMNS, EARLIER, EARLIERS, KEYS, SETTINGS, read_before
 from limo.store.files import read_json, write_json, write_whole
 from limo.store.machine import processor
 
@@ -101,6 +101,17 @@ def row(folder: Path, setting: str, n_pouches: int, ventricular: float) -> tuple
     } | read_json(folder / BY), ramp
 
 
+def scatter(checkout: Path, n_pouches: int, ventricular: float) -> float | None:
+    """How far the two branches that the earlier build keeps of a device are from each other, as ``apart``; None for none."""
+    kept = checkout / "docs/gallery/standard/data/afterload.nc"
+    if not kept.exists():
+        return None
+    with xr.open_dataset(kept) as dataset:
+        device = dataset.sel(n_pouches=n_pouches, ventricular_pressure=ventricular).squeeze().load()
+    ramps = [device.isel(branch=k).dropna("actuation_pressure", subset=["ventricle_volume"]) for k in (0, 1)]
+    return apart(*(r.assign_coords(increment=r.actuation_pressure) for r in ramps), ventricular)
+
+
 def apart(ramp: xr.Dataset, other: xr.Dataset, ventricular: float) -> float:
     """Relative L2 distance of V_v of two ramps from P_v + ``ABOVE`` on, at the pressures of the second."""
     at = other.actuation_pressure.values
@@ -136,7 +147,8 @@ def main() -> None:
         solved = {s: row(places[s, *device], s, *device) for s in settings}
         for setting, (one, ramp) in solved.items():
             _, reference = solved[setting if setting in EARLIERS else SETTINGS[setting].beside]
-            rows.append(one | {"apart": apart(ramp, reference, device[1])})
+            known = {"scatter": scatter(earlier, *device)} if setting == EARLIER else {}
+            rows.append(one | known | {"apart": apart(ramp, reference, device[1])})
     kept, measured = read_before(chosen.keep), pd.DataFrame(rows, columns=COLUMNS)
     table = pd.concat([kept, measured]).drop_duplicates(KEYS, keep="last") if len(kept) else measured
     write_whole(chosen.keep, lambda path: table.to_csv(path, index=False))

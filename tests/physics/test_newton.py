@@ -21,6 +21,7 @@ from limo.mechanics.equilibrium import residual
 from limo.mechanics.model import Equation, Model, Pressure
 from limo.mechanics.transfer import carried
 from limo.mechanics.volumes import volumes
+from limo.schema.numerics import Touch
 from limo.schema.solver import Solver
 from tests.helpers.calculix import handed_to_calculix
 from tests.helpers.cases import small_mesh, with_, woven
@@ -303,7 +304,9 @@ def levers(**keys: str) -> dict:
 
 
 @pytest.mark.parametrize(
-    "changes", [{}, {"n_pouches": 8}, {"element": "C3D20"}, {"symmetry": "front_back"}, {"symmetry": "full"}], ids=str
+    "changes",
+    [{}, {"n_pouches": 8}, {"element": "C3D20"}, {"element": "SHELL8R"}, {"symmetry": "front_back"}, {"symmetry": "full"}],
+    ids=str,
 )
 def test_single_precision_rests_where_double_does(case, changes):
     """Both to a residual of 1e-6, so that states differ by as much as rounding leaves open."""
@@ -316,9 +319,20 @@ def test_single_precision_rests_where_double_does(case, changes):
     assert single[0].details["solutions"] <= single[0].details["refinements"] <= 2 * single[0].details["solutions"]
 
 
-@pytest.mark.parametrize("keys", [{"factor_precision": "single"}, {"geometric_stiffness": "mixed"}], ids=str)
-def test_paths_repeat_to_the_bit(case, keys):
-    first, again = (solved(device(case, **levers(**keys))) for _ in range(2))
+@pytest.mark.parametrize(
+    ("keys", "element", "contact"),
+    [
+        ({"factor_precision": "single"}, "C3D20R", False),
+        ({"geometric_stiffness": "mixed"}, "C3D20R", False),
+        ({}, "SHELL8R", False),
+        ({"fit_via": [1, 3]}, "SHELL8R", True),
+        ({"fit_via": [1, 3]}, "C3D20R", True),
+    ],
+)
+def test_paths_repeat_to_the_bit(case, keys, element, contact):
+    touch = Touch(front_back=contact, endo_epi=contact)
+    case = replace(case, numerics=case.numerics.model_copy(update={"contact": touch}))
+    first, again = (solved(device(case, element=element, **levers(**keys))) for _ in range(2))
     assert np.array_equal(first[1], again[1])
     assert first[0].details["factorisations"] == again[0].details["factorisations"]
 

@@ -46,6 +46,7 @@ def test_the_dataset_has_branches_and_the_other_engine(everything):
     assert (stroke > 1.0).all()
     assert str(study.check_status.values[0]) == "calculix converged"
     assert float(abs(study.check_rest_difference[0])) < 0.02
+    assert float(abs(study.check_energy_difference[0])) < 0.02
     assert (everything.folder / "results/studies/tiny/figures/pressure_volume.png").stat().st_size > 10_000
 
 

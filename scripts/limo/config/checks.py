@@ -22,7 +22,7 @@ from limo.schema.config import PRESET_KEYS, Config
 from limo.schema.device import Device, Material, Pattern
 from limo.schema.element import element as find_element
 from limo.schema.figures import FIGURES, MEASURED, NEEDS, OF_CYCLES
-from limo.schema.numerics import MeshLevel, Numerics
+from limo.schema.numerics import Mesh, MeshLevel, Numerics
 from limo.schema.section import ENGINES, ElementName
 from limo.schema.solver import Rung
 from limo.schema.study import ROLES, Study, Variant
@@ -54,6 +54,9 @@ def check_config(path: Path, config: Config) -> None:
         check_name(path, f"presets.{name}.mesh.level", preset.mesh.level, config.mesh_levels)
         check_name(path, f"presets.{name}.numerics", preset.numerics, config.numerics_presets)
         check_engine(path, f"presets.{name}.engine", preset.engine, preset.mesh.element)
+        key, numerics = f"presets.{name}.numerics", config.numerics_presets[preset.numerics]
+        check_contact(path, key, numerics, [preset.engine])
+        check_fit(path, config.mesh_levels, key, numerics, preset.mesh.level, [preset.engine])
     if config.preset:
         check_preset(path, config.preset, config)
         if stated := [n for n in PRESET_KEYS if n in config.model_fields_set]:
@@ -95,6 +98,11 @@ def check_stress_test(path: Path, config: Config) -> None:
     check_name(path, "stress_test.mesh.level", test.mesh.level, config.mesh_levels)
     if test.numerics:
         check_name(path, "stress_test.numerics", test.numerics, config.numerics_presets)
+        numerics = config.numerics_presets[test.numerics]
+        check_contact(path, "stress_test.numerics", numerics, test.engines)
+        if numerics.newton.fit_on:
+            expected = "a preset without fit_on, for each of its designs is solved on one mesh"
+            raise ConfigError(path, "stress_test.numerics", test.numerics, expected, f"numerics: {config.numerics}")
     if usable := _other_elements(test.engines, test.mesh.element, test.mesh.symmetry):
         raise ConfigError(path, "stress_test.mesh.element", test.mesh.element, " or ".join(usable), f"element: {usable[0]}")
 
@@ -169,7 +177,8 @@ def checked_setting(known: Known, path: Path, study: Study, name: str, variant: 
         check_shells(path, study, prefix, setting)
     check_fabric(path, study, prefix, setting)
     check_engines(path, study, prefix, setting)
-    check_fit(path, known.config.mesh_levels, prefix, setting)
+    engines = ENGINES if study.cross_check else [setting.engine]
+    check_fit(path, known.config.mesh_levels, f"{prefix}numerics", setting.numerics, setting.mesh.level, engines)
     return setting
 
 
@@ -235,11 +244,7 @@ def check_engines(path: Path, study: Study, prefix: str, setting: Setting) -> No
         key, value = ("cross_check", study.cross_check) if study.cross_check else (f"{prefix}engine", setting.engine)
         expected = f"element {' or '.join(usable)}, which the engines that are used take, and not {element}"
         raise ConfigError(path, key, value, expected, f"mesh: {{element: {usable[0]}}}")
-    contact = setting.numerics.contact
-    if (contact.front_back or contact.endo_epi) and (unable := [e for e in engines if not find_engine(e).CONTACT]):
-        key, expected = f"{prefix}numerics.contact", f"no contact with engine {unable[0]}, or engine newton alone"
-        value = contact.model_dump(exclude={"penetration"})
-        raise ConfigError(path, key, value, expected, "contact: {front_back: false, endo_epi: false}")
+    check_contact(path, f"{prefix}numerics", setting.numerics, engines)
     if study.actuation_volume and (unable := [e for e in engines if not find_engine(e).SYRINGE]):
         able = next(e for e in ENGINES if find_engine(e).SYRINGE)
         key, value = ("cross_check", study.cross_check) if study.cross_check else (f"{prefix}engine", setting.engine)
@@ -247,26 +252,39 @@ def check_engines(path: Path, study: Study, prefix: str, setting: Setting) -> No
         raise ConfigError(path, key, value, expected, f"engine: {able}")
 
 
-def check_fit(path: Path, levels: Mapping[str, MeshLevel], prefix: str, setting: Setting) -> None:
-    """The meshes on which a device is fitted first are there, each finer than the one before, and coarser than its own."""
-    key, names = f"{prefix}numerics.newton.fit_on", setting.numerics.for_engine(setting.engine).newton.fit_on
+def check_contact(path: Path, key: str, numerics: Numerics, engines: Iterable[str]) -> None:
+    """Engines must have a contact where numerics ask for one."""
+    contact = numerics.contact
+    if (contact.front_back or contact.endo_epi) and (unable := [e for e in engines if not find_engine(e).CONTACT]):
+        expected = f"no contact with engine {unable[0]}, or engine newton alone"
+        value = contact.model_dump(exclude={"penetration"})
+        raise ConfigError(path, f"{key}.contact", value, expected, "contact: {front_back: false, endo_epi: false}")
+
+
+def check_fit(
+    path: Path, levels: Mapping[str, MeshLevel], key: str, numerics: Numerics, level: str, engines: Iterable[str]
+) -> None:
+    """The meshes on which a device is fitted first are there, each finer than the one before, and coarser than its own level."""
+    key = f"{key}.newton.fit_on"
+    names = next((fit_on for engine in engines if (fit_on := numerics.for_engine(engine).newton.fit_on)), ())
     for name in names:
         check_name(path, key, name, levels, listed=True)
-    sizes = [levels[name].degrees_of_freedom for name in (*names, setting.mesh.level)]
+    sizes = [levels[name].degrees_of_freedom for name in (*names, level)]
     if any(second <= first for first, second in pairwise(sizes)):
-        expected = f"mesh levels from coarse to fine, all coarser than {setting.mesh.level} of the study"
+        expected = f"mesh levels from coarse to fine, all coarser than {level}, on which devices are solved"
         coarser = [name for name, level in levels.items() if level.degrees_of_freedom < sizes[-1]]
         example = min(coarser, key=lambda name: levels[name].degrees_of_freedom, default="")
         raise ConfigError(path, key, names, expected, f"fit_on: [{example}]")
 
 
 def _other_elements(engines: Collection[str], element: str, symmetry: str) -> list[str]:
-    """The elements of meshes that all engines take, where one does not take ``element``; none where all do."""
+    """The elements that all engines take, the default first, where one does not take ``element``; none where all do."""
     if all(find_engine(engine).takes(find_element(element)) for engine in engines):
         return []
     known = [find_element(name) for name in get_args(ElementName)]
     fit = [e for e in known if symmetry == "full" or not e.is_shell]
-    return [e.name for e in fit if all(find_engine(engine).takes(e) for engine in engines)]
+    usable = [e.name for e in fit if all(find_engine(engine).takes(e) for engine in engines)]
+    return sorted(usable, key=lambda name: name != Mesh.model_fields["element"].default)
 
 
 def check_engine(path: Path, key: str, engine: str, element: str) -> None:

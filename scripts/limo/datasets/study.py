@@ -102,6 +102,8 @@ def _gather_checks(dataset: xr.Dataset, grid: StudyGrid, sources: Sequence[str],
             arrays["check_stroke_volume"][index] = values["stroke_volume"]
             differences = _differences(stroke, rest, values)
             arrays["check_stroke_difference"][index], arrays["check_rest_difference"][index] = differences
+            own, other = dataset.potential_energy.values[index][0], values["potential_energy"][0]
+            arrays["check_energy_difference"][index] = (own - other) / abs(other)
     return arrays.dataset({"actuation_pressure": dataset.actuation_pressure})
 
 

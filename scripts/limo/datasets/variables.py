@@ -68,6 +68,9 @@ CHECKS = {
         CASE_DIMS, "1", "relative L2 difference of the stroke to the other engine's over the ramp"
     ),
     "check_rest_difference": Variable(CASE_DIMS, "1", "relative difference of V_v at P_a = 0 to the other engine's"),
+    "check_energy_difference": Variable(
+        CASE_DIMS, "1", "potential energy at rest less the other engine's, over its size; below 0: the study's own state is lower"
+    ),
 }
 
 

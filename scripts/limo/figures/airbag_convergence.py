@@ -21,6 +21,7 @@ _SHOWN_FROM = 0.75
 #: colours of the elements, C3D20 that of the shell of which CalculiX makes it
 COLORS = dict(zip(("S3", "S4", "S4R", "S6", "S8", "S8R", "C3D20R"), style.COLORS, strict=False))
 COLORS["C3D20"] = COLORS["S8"]
+COLORS["SHELL8R"] = "#882255"
 _LOOKS = (("o", "-"), ("^", "--"), ("s", "--"), ("D", "-."), ("v", ":"), ("P", (0, (5, 1, 1, 1, 1, 1))))
 
 

@@ -23,12 +23,15 @@ COLUMNS = [
     "stroke",
     "energy_mj",
     "apart",
+    "scatter",
     "machine",
 ]
-#: settings of the earlier build: its preset `standard`, and the mesh of the grids at the paper's density
-EARLIER, EARLIER_PAPER = "earlier", "earlier_paper"
+#: settings of the earlier build: its preset `standard`, the mesh of the grids at the paper's density, and its preset `preview`
+EARLIER, EARLIER_PAPER, EARLIER_PREVIEW = "earlier", "earlier_paper", "earlier_preview"
 #: kPa above P_v from which curves are compared: below, snaps differ by single load steps
 ABOVE = 10
+#: share of an energy within which another one is the same
+SAME = 1e-3
 
 
 @dataclass(frozen=True)
@@ -55,6 +58,7 @@ _NESTED_MIXED = _begun_on("preview", "coarse", geometric_stiffness="mixed")
 EARLIERS = {
     EARLIER: Setting("its preset `standard`, bricks on the mesh level `medium`", {"preset": "standard"}),
     EARLIER_PAPER: Setting("bricks at the paper's density", _PAPER),
+    EARLIER_PREVIEW: Setting("its preset `preview`", {"preset": "preview"}),
 }
 #: what is solved beside the earlier build
 SETTINGS = {
@@ -76,6 +80,7 @@ SETTINGS = {
         _PAPER | _NESTED_MIXED,
         EARLIER_PAPER,
     ),
+    "preview": Setting("preset `preview`", {"preset": "preview"}, EARLIER_PREVIEW),
 }
 
 
@@ -96,10 +101,26 @@ def share(rows: pd.DataFrame, setting: str) -> float:
     return both.today / both.earlier if both.earlier else float("nan")
 
 
+def within_scatter(rows: pd.DataFrame, setting: str) -> pd.Series:
+    """Whether V_v is as near to the earlier build's as two of its branches are to each other, of devices where both are known."""
+    known = pd.DataFrame({"apart": _of(rows, setting).apart, "scatter": _of(rows, SETTINGS[setting].beside).scatter}).dropna()
+    return known.apart <= known.scatter
+
+
+def no_higher(rows: pd.DataFrame, setting: str) -> pd.Series:
+    """Whether the potential energy at P_a,max is the same, within ``SAME``, as the earlier build's or lower, of all devices."""
+    both = _beside(rows, setting, "energy_mj")
+    return both.today <= both.earlier + SAME * both.earlier.abs()
+
+
+def _of(rows: pd.DataFrame, setting: str) -> pd.DataFrame:
+    return rows[rows.setting == setting].set_index(KEYS[:2])
+
+
 def _beside(rows: pd.DataFrame, setting: str, of: str) -> pd.DataFrame:
     """A column of the earlier build and of a setting beside it, of the devices that both have."""
     names = {"earlier": SETTINGS[setting].beside, "today": setting}
-    return pd.DataFrame({name: rows[rows.setting == one].set_index(KEYS[:2])[of] for name, one in names.items()}).dropna()
+    return pd.DataFrame({name: _of(rows, one)[of] for name, one in names.items()}).dropna()
 
 
 def before_section(rows: pd.DataFrame) -> list[str]:
@@ -113,15 +134,16 @@ def before_section(rows: pd.DataFrame) -> list[str]:
         f"`{', '.join(sorted(set(today.commit)))}` solve the same devices `limo_2025`. "
         f"Two run at a time, one thread a case: {', '.join(sorted(set(rows.machine)))}. CPU time includes the states of coarser "
         "meshes that a case begins at. `times less`: CPU time of the earlier build over that of the setting. `apart`: relative "
-        f"L2 distance of V_v from the earlier build's, from P_v + {ABOVE} kPa on. Energy: potential energy at P_a,max."
+        f"L2 distance of V_v from the earlier build's, from P_v + {ABOVE} kPa on; within the scatter: no further than the two "
+        f"branches of the device that the earlier build keeps. Energy: potential energy at P_a,max, equal within {percent(SAME)}."
     )
     summary = []
     for name, setting in SETTINGS.items():
-        group = today[today.setting == name].set_index(KEYS[:2])
+        group = _of(today, name)
         if group.empty:
             continue
-        before = rows[rows.setting == setting.beside].set_index(KEYS[:2]).reindex(group.index)
-        less, same = times_less(rows, name), 1e-3 * before.energy_mj.abs()
+        before = _of(rows, setting.beside).reindex(group.index)
+        less, near, low = times_less(rows, name), within_scatter(rows, name), no_higher(rows, name)
         summary.append(
             {
                 "setting": setting.words,
@@ -131,7 +153,8 @@ def before_section(rows: pd.DataFrame) -> list[str]:
                 "most": number(less.max(), 1),
                 "apart, median": percent(group.apart.median()),
                 "most apart": percent(group.apart.max()),
-                "energy lower or equal": f"{(group.energy_mj <= before.energy_mj + same).sum()} of {len(group)}",
+                "within the scatter": f"{near.sum()} of {len(near)}" if len(near) else "-",
+                "energy lower or equal": f"{low.sum()} of {len(low)}",
                 "iterations over the earlier's": number((group.iterations / before.iterations).median(), 2),
                 "memory [MiB], most": round(group.memory_mib.max()),
             }

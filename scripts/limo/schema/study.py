@@ -193,7 +193,7 @@ class Study(_OfAPattern):
         default=["volumes", "contact"],
         min_length=1,
         description="what is computed for the cases: contact, stress, strain and fatigue at the frames, fields for ParaView at "
-        "fields_at; shells have volumes alone",
+        "fields_at; S8 and S8R have volumes alone",
         examples=[["volumes", "stress", "strain", "fatigue", "fields"]],
     )
     fields_at: list[float | str] = Field(

@@ -147,6 +147,7 @@ def _check(case: xr.Dataset) -> dict[str, str]:
         "other engine": str(case.check_status.values) or "-",
         "stroke differs": _number(case, "check_stroke_difference", ".1%"),
         "V_v at rest differs": _number(case, "check_rest_difference", "+.2%"),
+        **({"Pi at rest differs": _number(case, name, "+.2%")} if (name := "check_energy_difference") in case else {}),
     }
 
 

@@ -416,8 +416,8 @@ def test_maximum_pressure_is_one_number_or_one_a_ventricular_pressure():
 @pytest.mark.parametrize(
     ("changes", "key", "expected"),
     [
-        ({"engine": "calculix"}, "engine", "element C3D20 or C3D20R, which"),
-        ({"engine": "newton", "cross_check": 2}, "cross_check", "element C3D20 or C3D20R, which"),
+        ({"engine": "calculix"}, "engine", "element C3D20R or C3D20, which"),
+        ({"engine": "newton", "cross_check": 2}, "cross_check", "element C3D20R or C3D20, which"),
     ],
     ids=["engine", "cross_check"],
 )
@@ -490,6 +490,50 @@ def test_a_device_is_fitted_on_ever_finer_meshes_coarser_than_its_own(folder, na
     assert "fit_on: [" in error.example
     edit(folder / STUDY, ("numerics", "newton", "fit_on"), ["coarsest", "preview"])
     load_config(folder / CONFIG, strict=True)
+
+
+NESTED = {"newton": {"fit_on": ["preview", "fine"]}}
+
+
+@pytest.mark.parametrize(
+    ("at", "value", "key", "words"),
+    [
+        ((STUDY, ("numerics",)), NESTED, "numerics.newton.fit_on", "all coarser than preview"),
+        (
+            (CONFIG, ("presets", "preview", "numerics")),
+            "touching",
+            "presets.preview.numerics.newton.fit_on",
+            "coarser than preview",
+        ),
+        ((CONFIG, ("presets", "standard", "engine")), "calculix", "presets.standard.engine", "newton for element SHELL8R"),
+        (
+            (CONFIG, ("presets", "as_in_paper", "numerics")),
+            "touching_at_once",
+            "presets.as_in_paper.numerics.contact",
+            "engine newton",
+        ),
+        (
+            (CONFIG, ("stress_test", "numerics")),
+            "touching_at_once",
+            "stress_test.numerics.contact",
+            "no contact with engine calculix",
+        ),
+        ((CONFIG, ("stress_test", "numerics")), "nested", "stress_test.numerics", "without fit_on"),
+    ],
+)
+def test_levers_are_judged_for_every_engine_that_takes_them(folder, at, value, key, words):
+    """For the cross check of a study of CalculiX, too, for presets that no study names, and for the stress test."""
+    edit(folder / STUDY, ("engine",), "calculix")
+    edit(folder / STUDY, ("cross_check",), 1)
+    fast = yaml.safe_load((folder / CONFIG).read_text())["numerics_presets"]["fast"]
+    edit(folder / CONFIG, ("numerics_presets", "nested"), fast | {"newton": {"fit_on": ["coarsest"]}})
+    edit(folder / CONFIG, ("presets", "as_in_paper", "engine"), "calculix")
+    load_config(folder / CONFIG, strict=True)
+    edit(folder / at[0], at[1], value)
+    error = error_of(folder)
+    assert error.key == key
+    assert words in str(error)
+    assert error.example
 
 
 def test_study_overrides_the_default_mesh_and_numerics(folder):

@@ -36,7 +36,7 @@ def test_a_layout_that_cannot_be_cut_is_refused_each_time(loaded, tried):
     seams = loaded.devices["limo"].pattern.seams.model_copy(update={"fractions": {10: [0.5, 0.505]}})
     pattern = loaded.devices["limo"].pattern.model_copy(update={"seams": seams})
     for _ in range(2):
-        with pytest.raises(ConfigError, match=r"limo\.yaml: seams \(n_pouches = 10\)"):
+        with pytest.raises(ConfigError, match=r"limo\.yaml: pattern\.seams\.fractions\.10 = 0\.505"):
             layouts.check_layouts(pattern, [10], "limo.yaml")
     assert tried == [10, 10]
 

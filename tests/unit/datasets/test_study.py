@@ -362,9 +362,11 @@ def test_branches_and_cross_checks_have_their_places(grid, tmp_path):
         target = tmp_path / case.case_id
         target.mkdir()
         history = history_of(case)
+        history["potential_energy"] = 0.0 * history.ventricle_volume - 5.0
         if case.engine == "calculix":  # 10 ml more at rest, and 10 % more stroke
             start = float(history.ventricle_volume[9])
             history["ventricle_volume"] = start + 10.0 + 1.1 * (history.ventricle_volume - start)
+            history["potential_energy"] = 0.0 * history.ventricle_volume - 7.0
         history.to_netcdf(target / "volumes.nc")
         status = {"status": "converged", "reason": "", "actuation_pressure_reached": case.actuation_pressure_max}
         write_json(target / "status.json", status)
@@ -380,6 +382,7 @@ def test_branches_and_cross_checks_have_their_places(grid, tmp_path):
     assert float(checked.check_stroke_difference) == pytest.approx(0.1 / 1.1, rel=1e-6)
     assert float(checked.check_rest_difference) == pytest.approx(400 / 410 - 1, rel=1e-6)
     assert str(checked.check_status.values) == "calculix converged"
+    assert float(checked.check_energy_difference) == pytest.approx(2.0 / 7.0, rel=1e-6), "the other engine's is lower"
     assert np.isfinite(dataset.check_stroke_difference).sum() == 1
     figure = pressure_volume.draw(dataset)
     bands = [c for c in figure.axes[1].collections if type(c).__name__ == "FillBetweenPolyCollection"]

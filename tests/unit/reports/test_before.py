@@ -3,14 +3,27 @@
 import importlib.util
 import math
 
+import numpy as np
 import pandas as pd
 import pytest
+import xarray as xr
 import yaml
 
 from limo.cases.grid import study_cases
 from limo.config.load import load_config
 from limo.errors import ResultError
-from limo.reports.before import COLUMNS, EARLIER, EARLIER_PAPER, SETTINGS, before_section, read_before, share, times_less
+from limo.reports.before import (
+    COLUMNS,
+    EARLIER,
+    EARLIER_PAPER,
+    SETTINGS,
+    before_section,
+    no_higher,
+    read_before,
+    share,
+    times_less,
+    within_scatter,
+)
 from tests.helpers.cases import without_studies
 
 
@@ -33,10 +46,11 @@ def test_each_setting_is_a_study_of_one_case(root, tmp_path, script, setting):
     (case,) = study_cases(loaded, "pair").values()
     assert case.device == loaded.devices["limo_2025"]
     assert (case.n_pouches, case.engine, case.mesh.symmetry) == (8, "newton", "quarter")
-    assert case.mesh.element == ("C3D20R" if setting.startswith("bricks") else "SHELL8R")
-    assert case.mesh.level == {"shells_coarse": "coarse", "bricks_paper": "paper"}.get(setting, "medium")
+    assert case.mesh.element == ("C3D20R" if setting.startswith(("bricks", "preview")) else "SHELL8R")
+    levels = {"shells_coarse": "coarse", "bricks_paper": "paper", "preview": "preview"}
+    assert case.mesh.level == levels.get(setting, "medium")
     assert case.numerics.contact.endo_epi == (setting == "standard")
-    assert bool(case.numerics.newton.fit_on) == (setting != "bricks_flat")
+    assert bool(case.numerics.newton.fit_on) == (setting not in ("bricks_flat", "preview"))
     assert case.actuation_pressure_max == 60
 
 
@@ -62,6 +76,30 @@ def test_a_setting_is_compared_with_the_earlier_build(cpu, energy, less, lower):
     assert "`7cdfcb9`" in text
     assert times_less(rows(cpu, energy), "bricks").to_dict() == {(8, 3.8): pytest.approx(1000.0 / cpu)}
     assert times_less(rows(cpu, energy), "shells").empty
+
+
+@pytest.mark.parametrize(("scatter", "within"), [(0.02, True), (0.01, False)])
+def test_curves_are_judged_by_the_scatter_of_branches_and_energies_by_the_earlier_ones(scatter, within):
+    for energy, low in ((-101.0, True), (-99.95, True), (-99.0, False)):
+        pair = rows(500.0, energy)
+        pair["scatter"] = pair["scatter"].where(pair.setting != EARLIER, scatter).where(pair.setting == EARLIER)
+        assert within_scatter(pair, "bricks").tolist() == [within]
+        assert no_higher(pair, "bricks").tolist() == [low]
+        assert f"| {int(within)} of 1 | {int(low)} of 1 |" in "\n".join(before_section(pair))
+    assert within_scatter(pair.assign(scatter=float("nan")), "bricks").empty
+
+
+def test_the_scatter_is_that_of_the_branches_which_the_checkout_keeps(script, tmp_path):
+    assert script.scatter(tmp_path, 8, 3.8) is None
+    file = tmp_path / "docs/gallery/standard/data/afterload.nc"
+    file.parent.mkdir(parents=True)
+    pressure = np.arange(0.0, 61.0)
+    volume = np.stack([300.0 - pressure, np.where(pressure > 13.8, 1.01, 1.5) * (300.0 - pressure)])
+    dims = ("n_pouches", "ventricular_pressure", "branch", "actuation_pressure")
+    xr.Dataset({"ventricle_volume": (dims, volume[None, None])}, {
+        "n_pouches": [8], "ventricular_pressure": [3.8], "branch": [0, 1], "actuation_pressure": pressure,
+    }).to_netcdf(file)  # fmt: skip
+    assert script.scatter(tmp_path, 8, 3.8) == pytest.approx(0.01 / 1.01, rel=1e-4), "from P_v + 10 kPa on"
 
 
 def test_a_setting_is_beside_the_one_of_its_own_density():

@@ -93,9 +93,21 @@ def test_the_report_judges_changes_and_targets_by_the_numbers(tmp_path, measured
         ["not measured"] * 3,
         ["yes", "not measured", "yes"],
     ]
+    judged = [line for line in later.splitlines() if line.startswith(("| devices with", "| CPU over the earlier"))]
+    assert [line.split("|")[-2].strip() for line in judged] == ["yes", "yes", "not measured"]
     assert "| 4 times |" in targets[1][0]
     assert "| nothing to do in 19 solved cases | at most 5 s | 4 s | yes |" in text
     assert "| dry run of a study of 1,000 cases | at most 15 s | 16 s | no |" in text
+
+
+@pytest.mark.parametrize(("attempts", "verdict"), [(1, "1.2 times | yes"), (2, "- | not measured")])
+def test_iterations_are_compared_with_their_own_factors(tmp_path, measured, attempts, verdict):
+    """Of 200 s a case spent 70 on coarser meshes and 10 before it began; its factors took 100."""
+    own = {"factor_seconds": 100.0, "setup_seconds": 10.0, "cpu_seconds": 200.0, "fit_seconds": 70.0, "attempts": attempts}
+    rows = measured.assign(batch="grid_preview_newton", engine="newton", **own)
+    absent = [read(tmp_path / "no.csv") for read in (read_overhead, read_entry, read_cluster, read_peer, read_before)]
+    line = next(line for line in report(rows, *absent).splitlines() if "`grid_preview_newton`: iterations over" in line)
+    assert f"| {verdict} |" in line
 
 
 def test_changes_are_compared_with_the_base_of_their_case(measured):
