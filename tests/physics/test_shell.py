@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from limo.cases.case import Case
 from limo.engines.newton import iteration as newton
@@ -101,6 +102,27 @@ def test_pressurised_patches_keep_the_shape_of_the_closed_form(case, kind):
     assert bulges[8, 1.0] < 2e-3
     assert bulges[8, 1.0] < bulges[4, 1.0] < bulges[2, 1.0]
     assert bulges[4, 1.1] > 4 * bulges[4, 1.0]
+
+
+def test_a_quarter_of_a_cylinder_takes_the_radius_of_the_closed_form(case):
+    """Between the planes x = 0 and z = 0 and without strain along its axis, its radius is free; it converges with the mesh."""
+    case, radius, stretch, errors = tight(case, element=ELEMENT), 40.0, 1.03, []
+    for elements in (2, 4, 8):
+        model, exact, hoop, *_ = curved_patch(case, "cylinder", radius, stretch, elements, angle=np.pi / 2)
+        pressure = 1e3 * hoop * np.linalg.norm(_across(model, exact), axis=1).mean() / (radius * stretch)
+        turn = Rotation.from_euler("y", 45, degrees=True).as_matrix().T
+        nodes, target = model.nodes @ turn, model.expansion.midsurface(exact @ turn)
+        here = tight(case, ventricular_pressure=pressure, actuation_pressure_max=0.0, newton={"residual": 1e-8})
+        held = [(int(n), d) for d in (0, 2) for n in np.flatnonzero(np.abs(nodes[:, d]) < 1e-6)]
+        held += [(n, 1) for n in range(len(nodes))]
+        load = (Pressure("wall_front", np.arange(len(model.mesh.quads)), "bottom", 1.0, 0.0),)
+        mesh, shell = replace(model.mesh, nodes=model.mesh.nodes @ turn), replace(model.expansion, nodes=nodes)
+        changes = {"mesh": mesh, "expansion": shell, "nodes": nodes, "fixed": tuple(held), "pressures": load}
+        model = Model(**{**model.__dict__, **described(here), **changes})
+        _, u = solved(model)
+        errors.append(np.abs(model.midsurface(u) - target).max() / ((stretch - 1) * radius))
+    assert errors[-1] < 5e-3
+    assert errors[0] > errors[1] > errors[2]
 
 
 def _across(model: Model, u: np.ndarray) -> np.ndarray:

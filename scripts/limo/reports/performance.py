@@ -168,7 +168,7 @@ def report(
         "Two cases at P_v = 3.8 kPa (`config/levers`): a small one by both engines, and one of the size of `standard` for the "
         "levers of engine newton. Each change is compared with the first line of its case and engine. It pays if it takes less "
         f"than {PAYS:.0%} of the CPU time. It must also move the stroke by less than {HARMLESS:.0%} and dissipate at most "
-        f"{DISSIPATES:g} times as much. CPU time includes the states of coarser meshes that a case begins at.",
+        f"{DISSIPATES:g} times as much. CPU time includes that on coarser meshes, at whose states at rest a case begins.",
         markdown_table(_levers(rows)),
         "## Builds, and the deck of the paper",
         "All rows are the same case on `preview` (`config/levers`, `config/stock`). The deck `paper` was stopped by a time "
@@ -260,6 +260,7 @@ def _grids(rows: pd.DataFrame) -> pd.DataFrame:
                 "CPU [min]": round(cases.cpu_seconds.sum() / 60, 1),
                 "longest case [s]": round(cases.cpu_seconds.max()),
                 "two cores [min]": round(wall / 60, 1),
+                "cores idle": shown(1 - (cases.cpu_seconds + cases.python_seconds).sum() / (2 * wall), ".0%"),
                 "memory [MiB]": round(cases.memory_mib.max()),
             }
         )
@@ -317,6 +318,7 @@ def _levers(rows: pd.DataFrame) -> pd.DataFrame:
                     "hold": int(row.iterations_hold),
                     "ramp": int(row.iterations_ramp),
                     "CPU [s]": round(row.cpu_seconds),
+                    "on coarser meshes": shown(getattr(row, "fit_seconds", 0.0), ".0f"),
                     "share": f"{share:.2f}",
                     "dissipated": shown(row.dissipated_fraction, ".1%"),
                     "V_v at rest [ml]": number(row.rest_volume),
