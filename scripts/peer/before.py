@@ -32,8 +32,9 @@ LARGEST = {3.8: 60, 13.8: 100, 23.8: 140}
 #: by which commit and machine a case was solved, beside it
 BY = "by.json"
 POUCHES = (4, 6, 8, 10)
-#: the devices of the measured errors first
-DEVICES = sorted(((n, p) for n in POUCHES for p in LARGEST), key=lambda d: d not in ((4, 13.8), (8, 3.8)))
+#: the devices of the measured errors, which come first
+MEASURED = ((4, 13.8), (8, 3.8))
+DEVICES = sorted(((n, p) for n in POUCHES for p in LARGEST), key=lambda d: d not in MEASURED)
 
 
 def study(setting: str, n_pouches: int, ventricular: float) -> dict:
@@ -112,6 +113,17 @@ def scatter(checkout: Path, n_pouches: int, ventricular: float) -> float | None:
     return apart(*(r.assign_coords(increment=r.actuation_pressure) for r in ramps), ventricular)
 
 
+def error(checkout: Path, ramp: xr.Dataset, n_pouches: int, ventricular: float) -> float | None:
+    """Relative L2 distance of V_v over the ramp from the mean of the finest runs that the earlier build keeps; None for none."""
+    kept = checkout / f"docs/gallery/data/reference_np{n_pouches}_runs.nc"
+    if (n_pouches, ventricular) not in MEASURED or not kept.exists():
+        return None
+    with xr.open_dataset(kept) as runs:
+        mean = runs.ventricle_volume.mean("run").dropna("actuation_pressure").load()
+    ours = np.interp(mean.actuation_pressure, ramp.actuation_pressure.values, ramp.ventricle_volume.values)
+    return round(float(np.linalg.norm(ours - mean) / np.linalg.norm(mean)), 6)
+
+
 def apart(ramp: xr.Dataset, other: xr.Dataset, ventricular: float) -> float:
     """Relative L2 distance of V_v of two ramps from P_v + ``ABOVE`` on, at the pressures of the second."""
     at = other.actuation_pressure.values
@@ -148,7 +160,8 @@ def main() -> None:
         for setting, (one, ramp) in solved.items():
             _, reference = solved[setting if setting in EARLIERS else SETTINGS[setting].beside]
             known = {"scatter": scatter(earlier, *device)} if setting == EARLIER else {}
-            rows.append(one | known | {"apart": apart(ramp, reference, device[1])})
+            off = {"error": error(earlier, ramp, *device)}
+            rows.append(one | known | off | {"apart": apart(ramp, reference, device[1])})
     kept, measured = read_before(chosen.keep), pd.DataFrame(rows, columns=COLUMNS)
     table = pd.concat([kept, measured]).drop_duplicates(KEYS, keep="last") if len(kept) else measured
     write_whole(chosen.keep, lambda path: table.to_csv(path, index=False))

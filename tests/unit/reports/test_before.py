@@ -17,6 +17,7 @@ from limo.reports.before import (
     EARLIER,
     EARLIER_PAPER,
     SETTINGS,
+    accurate,
     before_section,
     no_higher,
     read_before,
@@ -47,7 +48,7 @@ def test_each_setting_is_a_study_of_one_case(root, tmp_path, script, setting):
     assert case.device == loaded.devices["limo_2025"]
     assert (case.n_pouches, case.engine, case.mesh.symmetry) == (8, "newton", "quarter")
     assert case.mesh.element == ("C3D20R" if setting.startswith(("bricks", "preview")) else "SHELL8R")
-    levels = {"shells_coarse": "coarse", "bricks_paper": "paper", "preview": "preview"}
+    levels = {"shells_coarse": "coarse", "bricks_paper": "paper", "shells_paper": "paper", "preview": "preview"}
     assert case.mesh.level == levels.get(setting, "medium")
     assert case.numerics.contact.endo_epi == (setting == "standard")
     assert bool(case.numerics.newton.fit_on) == (setting not in ("bricks_flat", "preview"))
@@ -87,6 +88,40 @@ def test_curves_are_judged_by_the_scatter_of_branches_and_energies_by_the_earlie
         assert no_higher(pair, "bricks").tolist() == [low]
         assert f"| {int(within)} of 1 | {int(low)} of 1 |" in "\n".join(before_section(pair))
     assert within_scatter(pair.assign(scatter=float("nan")), "bricks").empty
+
+
+def test_the_cheapest_setting_that_is_accurate_enough_counts():
+    def one(setting: str, pouches: int, seconds: float, error: float) -> dict:
+        changes = {
+            "setting": setting,
+            "n_pouches": pouches,
+            "cpu_seconds": seconds,
+            "error": error,
+            "commit": "a",
+            "machine": "b",
+        }
+        return dict.fromkeys(COLUMNS, 1) | changes
+
+    table = pd.DataFrame([
+        one(EARLIER, 4, 800.0, 0.01), one("shells", 4, 200.0, 0.019), one("shells_coarse", 4, 50.0, 0.021),
+        one(EARLIER, 8, 700.0, 0.01), one("shells", 8, 140.0, 0.01), one("shells_coarse", 8, 35.0, 0.02),
+        one(EARLIER, 10, 700.0, float("nan")), one("shells", 10, 7.0, float("nan")),
+    ])  # fmt: skip
+    assert accurate(table).to_dict() == {(4, 1): 4.0, (8, 1): 20.0}
+    assert math.isnan(accurate(table[table.setting != "shells"])[4, 1]), "nothing of this device is near enough"
+    assert "| 2.1% |" in "\n".join(before_section(table))
+
+
+def test_errors_are_those_from_the_finest_runs_that_the_checkout_keeps(script, tmp_path):
+    pressure = np.arange(0.0, 61.0)
+    ramp = xr.Dataset({"ventricle_volume": ("increment", 303.0 - pressure)}, {"actuation_pressure": ("increment", pressure)})
+    assert script.error(tmp_path, ramp, 8, 3.8) is None
+    file = tmp_path / "docs/gallery/data/reference_np8_runs.nc"
+    file.parent.mkdir(parents=True)
+    volume = np.stack([299.0 - pressure, 301.0 - pressure])
+    xr.Dataset({"ventricle_volume": (("run", "actuation_pressure"), volume)}, {"actuation_pressure": pressure}).to_netcdf(file)
+    assert script.error(tmp_path, ramp, 8, 3.8) == pytest.approx(3.0 * 61**0.5 / np.linalg.norm(300.0 - pressure), abs=1e-6)
+    assert script.error(tmp_path, ramp, 8, 13.8) is None, "nothing is kept of it"
 
 
 def test_the_scatter_is_that_of_the_branches_which_the_checkout_keeps(script, tmp_path):
