@@ -32,6 +32,8 @@ VERDICTS = ("reproduced", "partly", "not", "no data")
 RISE, ONSET_SHARE = 2.0, 0.05
 #: kPa above P_v at which the pouches have begun to inflate
 BEGUN = 1.0
+#: the frame in which stresses are compared that P_a - P_v is equal in
+ABOVE = "P_v + 40"
 #: the table of an inference beside the datasets whose geometry came from it
 INFERRED = "inference.csv"
 SEALED = ("seam", "valve_edge", "outer_edge")
@@ -120,9 +122,9 @@ def onset_pressures(dataset: xr.Dataset, name: str = "actuation_volume_change") 
     )
 
 
-def _peak(dataset: xr.Dataset) -> xr.DataArray:
-    """Top-5 % von Mises stress (MPa) at P_a,max."""
-    return dataset.von_mises_peak.sel(frame="max")
+def _peak(dataset: xr.Dataset, frame: str = "max") -> xr.DataArray:
+    """Top-5 % von Mises stress (MPa) in a frame, at P_a,max if none is named."""
+    return dataset.von_mises_peak.sel(frame=frame)
 
 
 def _relative(values: xr.DataArray, dim: str, reference: float) -> dict[float, float]:
@@ -240,11 +242,14 @@ def _more_with_fewer(d: xr.Dataset) -> tuple[str, str]:
     return f"N_p = 4 over 10: {more:+.0%} at most", graded(more, 0.35, 0.65, 0.25)
 
 
-def _weakly_with_pressure(d: xr.Dataset) -> tuple[str, str]:
-    peak = _peak(d)
-    spread = _each((peak.max("ventricular_pressure") - peak.min("ventricular_pressure")) / peak.mean("ventricular_pressure"))
-    text, verdict = counted(spread <= 0.15, "devices within 15 %")
-    return f"{text}; {_range(100 * spread, '{:.0f}')} %", verdict
+def _weakly_with_pressure(frame: str) -> Judge:
+    def judge(d: xr.Dataset) -> tuple[str, str]:
+        peak = _peak(d, frame)
+        spread = _each((peak.max("ventricular_pressure") - peak.min("ventricular_pressure")) / peak.mean("ventricular_pressure"))
+        text, verdict = counted(spread <= 0.15, "devices within 15 %")
+        return f"{text}; {_range(100 * spread, '{:.0f}')} %", verdict
+
+    return judge
 
 
 def _outside_around(d: xr.Dataset) -> tuple[str, str]:
@@ -384,14 +389,17 @@ STATEMENTS = (
               {"top 5 % at P_a,max, N_p = 4 over 10, the largest over P_v": _more_with_fewer},
               f"{_GEOMETRY}. Contact stops N_p = 4 where it is in the model."),
     Statement("Stress", "peak stress depends weakly on P_v", "weak", "stress",
-              {"top 5 % at each P_v's own P_a,max, within 15 %": _weakly_with_pressure},
-              "P_a,max rises with P_v as in the paper. Coarse meshes smooth the folds that cause the peaks, and hide it."),
+              {"top 5 % at each P_v's own P_a,max, within 15 %": _weakly_with_pressure("max"),
+               f"top 5 % at {ABOVE}, within 15 %": _weakly_with_pressure(ABOVE)},
+              "P_a,max - P_v rises from 56 to 116 kPa with P_v, and the stress follows that difference. Coarse meshes smooth the "
+              "folds that cause the peaks, and hide it."),
     Statement("Strain", "outside, the largest strain runs around the device", "predominantly", "strain_paths",
               {"within 45 degrees of around on most of the area": _outside_around},
               "Wrinkles of the outer wall turn it locally."),
     Statement("Strain", "inside, it runs about at right angles to that", "about 90 degrees", "strain_paths",
               {"median angle between both surfaces of at least 60 degrees": _orthogonal},
-              "The angle is largest on pouches on the axis, as the figure shows. At the sides both run around the device."),
+              "The angle is largest where pouches begin to fill, and falls as P_a rises. It is largest on pouches on the axis, "
+              "as the figure shows. At the sides both run around the device. Meshes, engines and contact leave that as it is."),
     Statement("Strain", "at seams the directions of both surfaces align", "aligned", "strain_paths",
               {"median angle near seams below that of all": _aligned},
               "Near a seam the directions turn within an element or two."),
@@ -401,7 +409,8 @@ STATEMENTS = (
               "its own element on its own density is the column as_in_paper."),
     Statement("Valve support", "efficiency is largest at AR = 2.5", "2.5", "valve_support",
               _designs("at 90 ml, neighbours are partly so", _largest_at("efficiency_90ml", "aspect_ratio", 2.5, (2.0, 3.0))),
-              "The differences are hardly larger than those between solutions of one design."),
+              "It is largest at AR = 1 or 1.5 here, with contact and without. The differences are hardly larger than those "
+              "between solutions of one design."),
     Statement("Valve support", "AR hardly changes the stroke", "little", "valve_support",
               _designs("strokes at P_a,max within 5 %", _stroke_over_valves), _SCATTER),
     Statement("Valve support", "smaller AR, less peak stress than at AR = 3", "-8 %", "valve_support",

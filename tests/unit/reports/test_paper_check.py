@@ -231,6 +231,18 @@ def test_a_model_whose_layers_touch_is_judged_to_the_end(data):
         assert table(data | {"afterload": shown}).loc[LEVER, "verdict"] == verdict
 
 
+def test_stress_is_read_at_an_equal_difference_of_pressures_too(data):
+    """It follows P_a - P_v, which is larger at the P_a,max of a higher P_v."""
+    peak = data["stress"].von_mises_peak.sel(frame=["max"])
+    rising = peak * (1 + 0.02 * (data["stress"].ventricular_pressure - 3.8))
+    both = xr.concat([peak.assign_coords(frame=["P_v + 40"]), rising.transpose(*peak.dims)], "frame")
+    row = table(data | {"stress": data["stress"].drop_dims("frame").assign(von_mises_peak=both)}).loc[
+        "peak stress depends weakly on P_v"
+    ]
+    assert row.verdict == "not"
+    assert "top 5 % at P_v + 40, within 15 %: reproduced" in row["read otherwise"]
+
+
 def test_degraded_cases_are_judged_and_counted(data):
     for name, dataset in data.items():
         data[name] = dataset.assign(case_status=xr.full_like(dataset.case_status, "degraded"))
