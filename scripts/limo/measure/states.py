@@ -35,9 +35,13 @@ def rest_energy(dataset: xr.Dataset) -> xr.DataArray | None:
 
 
 def lowest(dataset: xr.Dataset) -> xr.Dataset:
-    """Of each case the solution of least energy at rest, without ``branch``; the first one where none is known."""
+    """Of each case the solution of least energy at rest, without ``branch``; the first one where none is known.
+
+    A dataset that is open lazily is loaded: xarray 2026.9.0 picks no text from such a file (``findings``).
+    """
     if "branch" not in dataset.dims:
         return dataset
+    dataset.load()
     energy = rest_energy(dataset)
     if energy is None:
         return dataset.isel(branch=0, drop=True)

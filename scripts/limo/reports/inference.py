@@ -204,7 +204,7 @@ def numbers_of(study: SeamStudy) -> list[dict[str, object]]:
             values = factor * each.values.ravel()
             ends = (float(np.nanmin(values)), float(np.nanmax(values))) if np.isfinite(values).any() else (np.nan, np.nan)
             row = {"kind": "number", "name": f"{words}, N_p = {study.n_pouches}, P_v = {ventricular:g} kPa"}
-            rows.append(row | {"prior": float(values[0]), "low": ends[0], "high": ends[1]})
+            rows.append(row | {"prior": float(f"{values[0]:.3g}"), "low": ends[0], "high": ends[1]})
     return rows
 
 

@@ -7,6 +7,7 @@ import pytest
 import xarray as xr
 
 from limo.measure.states import folded_otherwise, lowest, remarked, state_variables
+from limo.store.files import write_netcdf
 
 POUCHES = [4, 6, 8, 10]
 
@@ -40,6 +41,16 @@ def test_of_each_case_the_solution_of_least_energy_at_rest_is_shown():
     assert "branch" not in shown.dims
     np.testing.assert_array_equal(shown.potential_energy.isel(actuation_pressure=0).squeeze(), [-1010, -1020, -1005, -990])
     assert state_variables(dataset).lowest_branch.squeeze().values.tolist() == [1, 0, 0, 0]
+
+
+def test_texts_of_frames_are_shown_from_a_file_that_is_open_lazily(tmp_path):
+    dataset = study([[-1000, -1010], [-1020, -1019]])
+    zones = np.broadcast_to(np.array(["seam", "wall"])[:, None], (2, 1, 2, 3))
+    dataset["zone"] = (("n_pouches", "ventricular_pressure", "branch", "frame"), zones)
+    write_netcdf(dataset, tmp_path / "study.nc")
+    with xr.open_dataset(tmp_path / "study.nc") as opened:
+        shown = lowest(opened)
+    assert shown.zone[:, 0, 0].values.tolist() == ["wall", "seam"]
 
 
 def test_a_solution_that_cannot_be_used_is_not_the_lowest():
