@@ -17,7 +17,7 @@ class Faces:
     """The loaded faces of a model, with as many integration points a direction as its bricks.
 
     ``nodes_of`` gives the nodes (f, 8) of a pressure's faces, ``rest`` (n, 3) in mm where nodes lie at first, ``count`` how many
-    forces there are. ``nodes`` (f, 8): of all faces; ``entries_count``: how many numbers ``tangent`` gives.
+    forces there are. ``nodes`` (f, 8): of all faces.
     """
 
     def __init__(self, model: Model, nodes_of: Callable[[Pressure], np.ndarray], rest: np.ndarray, count: int):
@@ -37,7 +37,6 @@ class Faces:
         first, second = self._pair = np.triu_indices(8, 1)
         turned = [values[:, first] * d[:, second] - values[:, second] * d[:, first] for d in (slopes[:, :, 1], slopes[:, :, 0])]
         self._turned = 0.5 * np.hstack([(rule[:, None] * turned[0]).T, -(rule[:, None] * turned[1]).T])  # (28, 2 g)
-        self.entries_count = 3 * len(first) * len(self.nodes)
 
     def entries(self, unknowns: Unknowns) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """As ``entries_of``, into what ``tangent`` gives: a pair's blocks are skew, and so is the pair.

@@ -34,6 +34,7 @@ from typing import Any
 import numpy as np
 
 from limo.engines.load_path import LoadPath, PathEndedError, count_stages
+from limo.engines.newton import kernels
 from limo.engines.newton.assembly import Assembly
 from limo.engines.newton.build import mkl_version
 from limo.engines.newton.coupling import Coupling
@@ -575,7 +576,7 @@ class Run:
                 self._floor, state.shift = LEAST_VOLUME, shift
             elif state.shift > most:
                 raise PathEndedError("diverged", f"no downhill step with a shift up to {most:.0e} 1/s2 leaves all elements whole")
-            values += (state.shift - tried) * self.tangent.mass
+            kernels.add_times(self.tangent.mass, state.shift - tried, values)
 
     def solution(self, residual: np.ndarray) -> np.ndarray | None:
         """The free displacements (size,) that the last factors give for a residual; None where the matrix is not positive."""

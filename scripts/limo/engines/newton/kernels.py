@@ -133,20 +133,38 @@ def tangent(slopes, stress, gradient, volume, lame, sources, places, special, we
             values[target[q]] += entries[sources[q]]
 
 
+@njit("void(i4[::1], i4[::1], i4[::1], f8[::1], f8[::1], f8[::1])", cache=True)
+def add_rows(rows, starts, columns, factors, source, values):
+    """Adds the product of a sparse matrix in rows with ``source`` to ``values`` at ``rows``; its sums are not rearranged."""
+    for i in range(len(rows)):
+        total = 0.0
+        for k in range(starts[i], starts[i + 1]):
+            total += factors[k] * source[columns[k]]
+        values[rows[i]] += total
+
+
+@njit("void(f8[::1], f8, f8[::1])", cache=True)
+def add_times(added, factor, values):
+    """Adds ``factor`` times ``added`` to ``values``, each product rounded first."""
+    for i in range(len(values)):
+        values[i] += factor * added[i]
+
+
 @_compiled("f8(f8[::1], i4[::1], i4[::1], f8[::1], f4[::1])")
 def scale_upper(values, indptr, indices, scale, found):
     """d_i K_ij d_j in single precision, of the upper triangle in rows with its ``values``; ``scale`` (n,) is d.
 
-    Returns the largest magnitude beside the diagonal, which is the first entry of a row.
+    Returns the largest magnitude beside the diagonal, which is the first entry of a row; NaN where any is not finite.
     """
-    largest = 0.0
+    largest, total = 0.0, 0.0
     for i in range(len(indptr) - 1):
         found[indptr[i]] = values[indptr[i]] * scale[i] * scale[i]
         for k in range(indptr[i] + 1, indptr[i + 1]):
             entry = values[k] * scale[i] * scale[indices[k]]
             found[k] = entry
             largest = max(largest, abs(entry))
-    return largest
+            total += abs(entry)
+    return largest if np.isfinite(total) else np.nan
 
 
 @_compiled("void(f8[::1], i4[::1], i4[::1], f8[::1], f8[::1])")

@@ -35,6 +35,9 @@ _ERRORS = {
 }
 
 
+NO_NUMBERS = "the matrix holds values that are no numbers"
+
+
 class FactorisationError(Exception):
     """PARDISO could not factorise or solve; the message says which code it gave."""
 
@@ -110,14 +113,14 @@ class SymmetricSolver:
             self._parameters[_OWN_ORDER] = 1
         self._call(_ANALYSE)
 
-    def factorise(self, values: np.ndarray) -> int:
+    def factorise(self, values: np.ndarray, *, checked: bool = False) -> int:
         """Factorise the matrix with ``values`` (of ``indices``) and return how many of its pivots are negative.
 
         With ``definite`` 1 stands for one or more; there is nothing to solve with then. PARDISO itself says nothing of values
-        that are no numbers and returns a solution; here they are an error.
+        that are no numbers and returns a solution; here they are an error, unless they are ``checked`` already.
         """
-        if not np.isfinite(values).all():
-            raise FactorisationError("the matrix holds values that are no numbers")
+        if not checked and not np.isfinite(values.sum()):
+            raise FactorisationError(NO_NUMBERS)
         if self._kind == _POSITIVE_DEFINITE and values[self._indptr[:-1]].min() <= 0:
             return 1
         self._values = np.ascontiguousarray(values, self._type)

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.sparse import csc_array
+from scipy.sparse import csr_array
+
+from limo.engines.newton import kernels
 
 if TYPE_CHECKING:
     from limo.engines.newton.contact import ContactTangent
@@ -26,6 +29,36 @@ def widened(keys: np.ndarray, more: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     return whole, places
 
 
+@dataclass(frozen=True)
+class Additions:
+    """Sums of ``factors`` times entries ``columns`` of a source, each from ``starts`` on, that are added to values at ``rows``.
+
+    A sparse matrix without its empty rows, which are most: its product would have the size of all values.
+    """
+
+    rows: np.ndarray
+    starts: np.ndarray
+    columns: np.ndarray
+    factors: np.ndarray
+
+    @classmethod
+    def of(cls, places: np.ndarray, sources: np.ndarray, factors: np.ndarray) -> Additions:
+        """Those of entries (k,) that go from ``sources`` to ``places``."""
+        rows, numbers = np.unique(places, return_inverse=True)
+        shape = len(rows), sources.max(initial=-1) + 1
+        matrix = csr_array((factors, (numbers.astype(np.int32), sources)), shape=shape)
+        matrix.sort_indices()
+        return cls(rows.astype(np.int32), *(each.astype(np.int32) for each in (matrix.indptr, matrix.indices)), matrix.data)
+
+    def moved(self, places: np.ndarray) -> Additions:
+        """The same where values have gone to other ``places`` (n,), in their order."""
+        return replace(self, rows=places[self.rows])
+
+    def add(self, source: np.ndarray, values: np.ndarray) -> None:
+        """Add them to ``values``."""
+        kernels.add_rows(self.rows, self.starts, self.columns, self.factors, source, values)
+
+
 class Patterned:
     """A tangent on a pattern of its own entries and of those of pairs of layers.
 
@@ -38,20 +71,18 @@ class Patterned:
     indices: np.ndarray
     mass: np.ndarray
     _places: np.ndarray
-    _from_faces: csc_array
+    _from_faces: Additions
     _own_mass: np.ndarray
     _contact: ContactTangent
 
-    def _begin(self, keys: np.ndarray, places: np.ndarray, faces: tuple[np.ndarray, ...], count: int) -> None:
+    def _begin(self, keys: np.ndarray, places: np.ndarray, faces: tuple[np.ndarray, ...]) -> None:
         """Take the pattern without contact.
 
         ``keys``: row times size plus column of its entries, rising. ``places``: where those of elements go, what goes nowhere
-        behind the last. ``faces``: keys, factors and sources of those of faces, of ``count``.
+        behind the last. ``faces``: keys, factors and sources of those of faces.
         """
         entries, factors, sources = faces
-        # by columns: element matrices are read in order
-        of_faces = csc_array((factors, (np.searchsorted(keys, entries).astype(np.int32), sources)), shape=(len(keys), count))
-        self._own = keys, places, of_faces
+        self._own = keys, places, Additions.of(np.searchsorted(keys, entries), sources, factors)
         self._places = places
         self._index(keys)
 
@@ -67,9 +98,7 @@ class Patterned:
         if len(keys) > len(own):
             moved = moved.astype(np.int32)
             self._places = np.append(moved, np.int32(len(keys)))[of_elements]
-            self._from_faces = csc_array(
-                (of_faces.data, moved[of_faces.indices], of_faces.indptr), shape=(len(keys), of_faces.shape[1])
-            )
+            self._from_faces = of_faces.moved(moved)
             self.mass = np.zeros(len(keys))
             self.mass[moved] = self._own_mass
         else:

@@ -18,7 +18,7 @@ import time
 import numpy as np
 
 from limo.engines.newton import kernels
-from limo.engines.newton.pardiso import FactorisationError, SymmetricSolver, aligned
+from limo.engines.newton.pardiso import NO_NUMBERS, FactorisationError, SymmetricSolver, aligned
 
 #: what is left of the right side, in the energy norm of the preconditioner
 TOLERANCE = 0.05
@@ -48,14 +48,17 @@ class RefinedSolver:
         ``values`` are used again by ``solve``: they are not copied.
         """
         diagonal = values[self._indptr[:-1]]
-        if not np.isfinite(values).all():
-            raise FactorisationError("the matrix holds values that are no numbers")
+        if not np.isfinite(diagonal).all():
+            raise FactorisationError(NO_NUMBERS)
         if diagonal.min() <= 0:
             return 1
         self._values, self._scale = values, 1.0 / np.sqrt(diagonal)
-        if kernels.scale_upper(values, self._indptr, self._indices, self._scale, self._single) >= 1:
+        largest = kernels.scale_upper(values, self._indptr, self._indices, self._scale, self._single)
+        if np.isnan(largest):
+            raise FactorisationError(NO_NUMBERS)
+        if largest >= 1:
             return 1  # the minor of two unknowns is negative
-        return self._inner.factorise(self._single)
+        return self._inner.factorise(self._single, checked=True)
 
     def solve(self, right_side: np.ndarray) -> np.ndarray | None:
         """Solution (n,) with the last factors; None where the matrix turns out not to be positive."""

@@ -293,8 +293,9 @@ class ShellTangent(Patterned):
         assembly, unknowns = self._assembly, self.unknowns
         directors = assembly.directors(u)
         unknowns.turn(directors)
-        values = np.zeros(len(self.indices) + 1)
+        values = np.empty(len(self.indices) + 1)
         np.multiply(self.mass, shift, out=values[:-1])
+        values[-1] = 0.0
         forces, own = assembly.inside(u)
         tables = assembly.gradient, assembly.axes, assembly.volume, assembly.law, assembly.quads, unknowns.bases
         shell_kernels.tangent(
@@ -304,7 +305,7 @@ class ShellTangent(Patterned):
         turns = unknowns.free[3 * assembly.count :].reshape(-1, 3)[:, :2]
         node, part = np.nonzero(turns >= 0)
         values[self.indptr[turns[node, part]]] -= along[node]
-        values[:-1] += self._from_faces @ assembly.faces.tangent(assembly.of_slots(u)[: assembly.count], ventricular, actuation)
+        self._from_faces.add(assembly.faces.tangent(assembly.of_slots(u)[: assembly.count], ventricular, actuation), values)
         self._contact.add(values, u)
         return values[:-1]
 
@@ -323,7 +324,7 @@ class ShellTangent(Patterned):
         used = taken.any(axis=0)
         self._sources = (of_slots.shape[1] * row + column)[used].astype(np.int32)
         faces = assembly.faces
-        self._begin(unique, np.ascontiguousarray(places[:, used]), faces.entries(self.unknowns), faces.entries_count)
+        self._begin(unique, np.ascontiguousarray(places[:, used]), faces.entries(self.unknowns))
         self._contact = ContactTangent(assembly, self.unknowns)
 
     def _assemble_mass(self) -> np.ndarray:

@@ -46,8 +46,9 @@ class Tangent(Patterned):
         ``stress`` (m, g, 6), J w S in N mm, takes the place of that of the displacements in the geometric stiffness.
         """
         assembly = self._assembly
-        values = np.zeros(len(self.indices) + 1)
+        values = np.empty(len(self.indices) + 1)
         np.multiply(self.mass, shift, out=values[:-1])
+        values[-1] = 0.0
         if stress is None:
             stress = assembly.inside(u)[1]
         tables = self._sources, self._places, self._special, self._weights
@@ -56,7 +57,7 @@ class Tangent(Patterned):
             kernels.tangent(*states, assembly.lame, *tables, values)
         else:
             woven_kernels.tangent(*states, assembly.law, *tables, values)
-        values[:-1] += self._from_faces @ assembly.faces.tangent(u, ventricular, actuation)
+        self._from_faces.add(assembly.faces.tangent(u, ventricular, actuation), values)
         self._contact.add(values, u)
         return values[:-1]
 
@@ -68,7 +69,7 @@ class Tangent(Patterned):
         places = self._places_of(inverse, factors, sources, len(unique))
         faces = self._assembly.faces
         # the slots of a face are among those of its brick
-        self._begin(unique, places, faces.entries(self.unknowns), faces.entries_count)
+        self._begin(unique, places, faces.entries(self.unknowns))
         self._contact = ContactTangent(self._assembly, self.unknowns)
 
     def _places_of(self, places: np.ndarray, factors: np.ndarray, sources: np.ndarray, nowhere: int) -> np.ndarray:
