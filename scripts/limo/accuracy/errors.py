@@ -16,7 +16,7 @@ from limo.accuracy.runs import Run
 from limo.accuracy.surfaces import Surface
 from limo.cases.case import Case
 from limo.config.project import Project
-from limo.config.settings import setting_of
+from limo.config.settings import Setting, setting_of
 from limo.schema.numerics import Numerics
 from limo.schema.study import Variant
 
@@ -49,21 +49,38 @@ def chamfer(first: Surface, second: Surface) -> float:
 
 
 def changes_of(project: Project, subject: str, case: Case) -> dict[str, str]:
-    """What a run has instead of the configuration's default with the same engine, and which part of a setting that is.
+    """What a run has instead of the default of its engine, and which part of a setting that is.
 
-    Keys are words such as ``medium`` or ``fit.damping 1e+06``; values ``level``, ``symmetry``, ``element``, ``numerics`` or
-    ``fabric``.
+    The default is what a study of the subject says without its variants: the first of ``ROLES`` that the engine solves. Keys are
+    words such as ``medium`` or ``fit.damping 1e+06``; values ``level``, ``symmetry``, ``element``, ``contact``, ``numerics`` or
+    ``fabric``. The meshes that a fit begins on go with the level, and its ways with contact.
     """
-    names = studies_of(project, subject)
-    study = project.studies[names.get("accuracy") or names["reference"]]
-    plain = study.model_copy(update={"variants": {}, "material": {}} | dict.fromkeys(("preset", "mesh", "numerics", "engine")))
-    default = setting_of(project.config, project.devices, plain, Variant())
+    default = _default_of(project, subject, case.engine)
     meshes = ((n, getattr(case.mesh, n), getattr(default.mesh, n)) for n in ("level", "symmetry", "element"))
     changes = {value: name for name, value, usual in meshes if value != usual}
-    numerics, usual = _flat(case.numerics), _flat(default.numerics.for_engine(case.engine))
-    changes |= {f"{key} {_word(value)}": "numerics" for key, value in numerics.items() if value != usual.get(key)}
+    here, usual = case.numerics, default.numerics.for_engine(case.engine)
+    follows = ["newton.fit_on"] * (case.mesh.level != default.mesh.level)
+    if here.contact.content() != usual.contact.content():
+        parts = [key for key in ("front_back", "endo_epi") if getattr(here.contact, key)]
+        changes["contact of " + " and ".join(parts) if parts else "no contact"] = "contact"
+        follows += ["newton.fit_via", *(key for key in _flat(here) if key.startswith("contact."))]
+    plain = _flat(usual)
+    changes |= {
+        f"{key} {_word(value)}": "numerics"
+        for key, value in _flat(here).items()
+        if key not in follows and value != plain.get(key)
+    }
     fabric, usual = (d.material.model_dump() for d in (case.device, default.device))
     return changes | {f"{key} {_word(value)}": "fabric" for key, value in fabric.items() if value != usual[key]}
+
+
+def _default_of(project: Project, subject: str, engine: str) -> Setting:
+    """The setting of the first study of a subject that an engine solves, without its variants; else of its first study."""
+    settings = [
+        setting_of(project.config, project.devices, project.studies[name].model_copy(update={"variants": {}}), Variant())
+        for name in studies_of(project, subject).values()
+    ]
+    return next((setting for setting in settings if setting.engine == engine), settings[0])
 
 
 def _flat(numerics: Numerics) -> dict[str, object]:

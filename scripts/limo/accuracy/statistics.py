@@ -15,6 +15,8 @@ from limo.store.statuses import CONVERGED
 
 #: what the paper says of its mesh: how far the surface (d_c / L) is from that of the finest one
 PAPER_CHAMFER = 5e-3
+#: the element that stands for the default one with the same limit
+SHELLS = "SHELL8R"
 
 
 def rows_of(dataset: xr.Dataset) -> pd.DataFrame:
@@ -31,6 +33,12 @@ def settings_of(rows: pd.DataFrame) -> pd.DataFrame:
     """
     same = ~rows.varied.str.contains("fabric")
     return rows[(rows.kind == "run") & (rows.status == CONVERGED) & (rows.branch == 0) & (rows.part != "scatter") & same]
+
+
+def meshes_of(rows: pd.DataFrame) -> pd.DataFrame:
+    """The rows that differ from the default in the mesh level and in shells for bricks alone: discrete models of one limit."""
+    shells = rows.varied.isin(["element", "level, element"]) & (rows.element == SHELLS)
+    return rows[rows.varied.isin(["", "level"]) | shells]
 
 
 def pareto(cost: np.ndarray, error: np.ndarray) -> np.ndarray:

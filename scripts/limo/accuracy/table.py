@@ -52,7 +52,7 @@ TEXT = {
     "kind": "run, or of an ensemble scatter among its members or mean of them",
     "setting": "variant of the study, or the part where that has none",
     "description": "the variant in words",
-    "varied": "what of the default a run changes: level, symmetry, element, engine, numerics, fabric",
+    "varied": "what of the default a run changes: level, symmetry, element, contact, numerics, fabric",
     "change": "to what",
     "preset": "preset that has these settings",
     "engine": "calculix or newton",

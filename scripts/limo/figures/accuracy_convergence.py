@@ -10,9 +10,9 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullLocator, ScalarFormatter
 
 from limo.accuracy.errors import PAPER_HEIGHT
-from limo.accuracy.statistics import PAPER_CHAMFER, rows_of
+from limo.accuracy.statistics import PAPER_CHAMFER, SHELLS, meshes_of, rows_of
 from limo.figures import style
-from limo.figures.accuracy_cost import MARKERS
+from limo.figures.accuracy_cost import MARKERS, SHELL_MARKER, marker_of
 
 LINES = {"newton": "-", "calculix": "--"}
 
@@ -20,11 +20,11 @@ LINES = {"newton": "-", "calculix": "--"}
 def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
     """A row a device: (a) largest w / L over P_a, (b) its last value and (c) Chamfer distance to the reference over mesh size.
 
-    Runs that differ in the mesh level alone; a colour a level, squares and dashes are CalculiX. Several points of one mesh are
-    branches, whose spread is the scatter of paths.
+    Runs that differ in the mesh level alone, and shells; a colour a level, squares and dashes are CalculiX, diamonds and dots
+    shells. Several points of one mesh are branches, whose spread is the scatter of paths.
     """
     rows = rows_of(dataset)
-    rows = rows[(rows.kind == "run") & (rows.status == "converged") & rows.varied.isin(["", "level"])]
+    rows = meshes_of(rows[(rows.kind == "run") & (rows.status == "converged")])
     names = list(dict.fromkeys(rows.device))
     levels = list(dict.fromkeys(rows.sort_values("degrees_of_freedom").level))
     colors = {level: style.COLORS[k % len(style.COLORS)] for k, level in enumerate(levels)}
@@ -35,10 +35,11 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
     for device, line in zip(names, axes, strict=False):
         group = rows[rows.device == device]
         for index, row in group.iterrows():
-            color, marker = colors[row.level], MARKERS[row.engine]
+            color, marker = colors[row.level], marker_of(row)
+            line_style = ":" if row.element == SHELLS else LINES[row.engine]
             pressure, height = dataset.frame_pressure.values[index], dataset.frame_height.values[index]
             if row.branch == 0:
-                line[0].plot(pressure, height, LINES[row.engine], color=color, lw=1.2)
+                line[0].plot(pressure, height, line_style, color=color, lw=1.2)
             look = {"color": color, "marker": marker, "ls": "", "ms": 5, "mfc": color if row.branch == 0 else "none"}
             line[1].plot(row.degrees_of_freedom / 1000, row.height, **look)
             line[2].plot(row.degrees_of_freedom / 1000, row.error_chamfer, **look)
@@ -56,6 +57,7 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
         line[0].set_title(device, loc="left")
     handles = [Line2D([], [], color=c, label=level) for level, c in colors.items()]
     handles += [Line2D([], [], color="black", ls=ls, marker=MARKERS[e], label=e) for e, ls in LINES.items()]
+    handles += [Line2D([], [], color="black", ls=":", marker=SHELL_MARKER, label=SHELLS)]
     handles += [Line2D([], [], color="black", ls="", marker="o", mfc="none", label="other branches")]
     handles += [plt.Rectangle((0, 0), 1, 1, color="0.85", label="2 % around the reference")]
     handles += [Line2D([], [], color="0.5", lw=0.8, ls=":", label="$d_c/L$ of the paper")]

@@ -8,16 +8,18 @@ import pandas as pd
 import xarray as xr
 from matplotlib.lines import Line2D
 
-from limo.accuracy.statistics import pareto, rows_of, scatter_row, settings_of
+from limo.accuracy.statistics import SHELLS, pareto, rows_of, scatter_row, settings_of
 from limo.figures import style
 
 #: errors of the panels of a device
 PANELS = (("error_volumes", "Error of the volumes [-]"), ("error_stress", "Error of the stress [-]"))
 #: what a setting has instead of the default, and its colour
-COLORS = dict(zip(("", "level", "symmetry", "element", "numerics"), style.COLORS, strict=False))
+COLORS = dict(zip(("", "level", "symmetry", "element", "contact", "numerics"), style.COLORS, strict=False))
 _NAMES = {"": "default", "level": "mesh level"}
 _OTHER = "0.45"
 MARKERS = {"calculix": "s", "newton": "o"}
+#: shells of whichever engine
+SHELL_MARKER = "D"
 #: errors below this are drawn there
 _LOWEST = 1e-4
 
@@ -41,6 +43,7 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
     handles = [Line2D([], [], ls="", marker="o", color=c, label=_NAMES.get(n, n)) for n, c in COLORS.items()]
     handles += [Line2D([], [], ls="", marker="o", color=_OTHER, label="several of these")]
     handles += [Line2D([], [], ls="", marker=m, mfc="none", color="black", label=f"engine {e}") for e, m in MARKERS.items()]
+    handles += [Line2D([], [], ls="", marker=SHELL_MARKER, mfc="none", color="black", label=SHELLS)]
     handles += [Line2D([], [], color="black", lw=1.0, label="Pareto front")]
     handles += [Line2D([], [], ls="", marker="*", ms=11, mfc="none", color="black", label="preset")]
     handles += [plt.Rectangle((0, 0), 1, 1, color="0.75", label="scatter, finest mesh")]
@@ -50,6 +53,11 @@ def draw(dataset: xr.Dataset, measured: pd.DataFrame | None = None):
     for axis in axes.ravel():
         _thin(axis)
     return figure
+
+
+def marker_of(row) -> str:
+    """The marker of a run: that of its engine, or of shells."""
+    return SHELL_MARKER if row.element == SHELLS else MARKERS[row.engine]
 
 
 def _thin(axis) -> None:
@@ -83,7 +91,7 @@ def _panel(axis, rows: pd.DataFrame, error: str) -> None:
         axis.plot(
             row.cpu_seconds,
             max(value, 1.06 * bottom),
-            marker=7 if low else MARKERS[row.engine],
+            marker=7 if low else marker_of(row),
             color=COLORS.get(row.varied, _OTHER),
             ms=5,
             ls="",

@@ -12,7 +12,9 @@ import xarray as xr
 from limo.accuracy.errors import CURVES, PAPER_HEIGHT
 from limo.accuracy.statistics import (
     PAPER_CHAMFER,
+    SHELLS,
     exponent,
+    meshes_of,
     models_of,
     richardson,
     rows_of,
@@ -26,8 +28,10 @@ from limo.schema.config import Preset
 from limo.store.statuses import CONVERGED, USABLE
 
 NOT_MEASURED = "not measured"
-#: the mesh of which the paper says so
+#: the mesh of which the paper says how near it is to the finest
 PAPER_LEVEL = "medium"
+#: elements that are compared with the default one on the same mesh
+COMPARED = ("C3D20", SHELLS)
 #: memory (MiB) of the machine that models have to fit into
 MEMORY = 24 * 1024
 _COLUMNS = {
@@ -43,12 +47,14 @@ _COLUMNS = {
 }
 _HEAD = """## The device
 
-There are two devices. `np4` has N_p = 4 at P_v = 13.8 kPa, as in the paper. `np8` has N_p = 8 at P_v = 3.8 kPa.
+There are two devices with the outline `limo`. `np4` has N_p = 4 at P_v = 13.8 kPa, as in the paper. `np8` has N_p = 8 at
+P_v = 3.8 kPa.
 
-- **Settings** (`config/studies/accuracy_*`, `shells_*`): each is solved once and compared with the reference.
-- **Reference** (`reference_*`): the mean of runs on the finest mesh. Their flat states differ by a fraction of a thickness.
+- **Settings** (`config/studies/accuracy_*`): engine newton, one setting at a time around bricks whose layers touch.
+- **Reference** (`reference_*`): the mean of runs on the finest mesh, whose layers touch. Their flat states differ by a fraction
+  of a thickness.
 - **Scatter** (`scatter_*`): such runs on coarser meshes. They show how far apart runs of the same setting end.
-- **Referee** (`referee_*`): CalculiX itself on a finer mesh.
+- **Referee** (`referee_*`): CalculiX, which has no contact, one setting at a time; `shells_*`: the shells that it expands itself.
 
 The columns of errors are:
 
@@ -60,7 +66,7 @@ The columns of errors are:
 **An error within the scatter is not significant**; it is marked with ~. All runs keep 21 frames. These change no curve but cost
 newton iterations (`docs/methods.md`). Rows and curves are in `docs/gallery/data/accuracy.nc`.
 
-Reference and referee take hours. Their runs are solved once and kept with their curves and surfaces in
+Reference and referee take long. Their runs are solved once and kept with their curves and surfaces in
 `docs/gallery/data/<study>_runs.nc`. Without that file they are solved again."""
 _SCALING = (
     "The exponent of CPU time comes from whole runs that differ only in mesh level and symmetry. The time of an iteration and "
@@ -175,13 +181,14 @@ def _fitting(models: pd.DataFrame) -> float:
 QUESTIONS = {
     "preview": "What does `preview` cost, and how large are its errors?",
     "symmetry": "How much does quarter symmetry change the volumes?",
-    "shells": "Is S8R as good as S8?",
+    "elements": "How far do elements differ on one mesh?",
     "damping": "How much damping is harmless?",
     "mesh": "Which mesh is the cheapest with small errors?",
     "paper": "Are the settings within the paper's 2 %?",
     "scatter": "How large are the scatter of paths and the discretisation error?",
     "limit": "How far is the reference from the limit of ever finer meshes?",
-    "engines": "How far do CalculiX and newton differ at `medium`?",
+    "engines": "How far do CalculiX and newton differ?",
+    "contact": "What does it change that layers touch?",
 }
 
 
@@ -206,13 +213,14 @@ def _answers_of(dataset: xr.Dataset, rows: pd.DataFrame) -> dict[str, list[str]]
     return {
         "preview": _preview(rows),
         "symmetry": _symmetry(dataset, rows),
-        "shells": _shells(dataset, rows),
+        "elements": _elements(dataset, rows),
         "damping": _damping(dataset, rows),
         "mesh": _mesh(rows),
         "paper": _paper(rows),
         "scatter": _scatter(rows),
         "limit": _limit(rows),
         "engines": _engines(dataset, rows),
+        "contact": _contact(dataset, rows),
     }
 
 
@@ -262,19 +270,20 @@ def _symmetry(dataset: xr.Dataset, rows: pd.DataFrame) -> list[str]:
     return _with_scatter(_against_default(dataset, settings_of(rows), "symmetry"), rows)
 
 
-def _shells(dataset: xr.Dataset, rows: pd.DataFrame) -> list[str]:
+def _elements(dataset: xr.Dataset, rows: pd.DataFrame) -> list[str]:
     settings, lines = settings_of(rows), []
     reduced, full = _first(settings, element="S8R"), _first(settings, element="S8")
     if reduced is not None and full is not None:
         lines.append(f"S8R against S8: {_compared(dataset, reduced, full)}")
-        if (bricks := _first(settings, symmetry="full", element="C3D20R")) is not None:
-            lines.append(f"S8R against bricks of the full device by {bricks.engine}: {_compared(dataset, reduced, bricks)}")
+        if (bricks := _first(settings, varied="", engine=reduced.engine)) is not None:
+            lines.append(f"S8R of the full device against {_named(bricks)}: {_compared(dataset, reduced, bricks)}")
     usable = rows[(rows.kind == "run") & (rows.branch == 0) & rows.status.isin(USABLE)]
-    for _, run in usable[usable.varied.isin(["element", "level, element"])].iterrows():
-        if (base := _first(settings, level=run.level, symmetry=run.symmetry, element="C3D20R", engine=run.engine)) is not None:
+    for _, run in usable[usable.varied.isin(["element", "level, element"]) & usable.element.isin(COMPARED)].iterrows():
+        plain = settings[settings.varied.isin(["", "level"])]
+        if (base := _first(plain, level=run.level, engine=run.engine)) is not None:
             off = " and ".join(error_text(row, "error_stroke", rows) for row in (run, base))
             lines.append(
-                f"{run.element} against C3D20R on `{run.level}` with {run.engine}: {_compared(dataset, run, base)}. Their "
+                f"{run.element} against {_named(base)}: {_compared(dataset, run, base)}. Their "
                 f"strokes are off the reference by {off}" + f"; {run.element} is {run.status}" * (run.status != CONVERGED)
             )
     return _with_scatter(lines, rows)
@@ -289,7 +298,8 @@ def _damping(dataset: xr.Dataset, rows: pd.DataFrame) -> list[str]:
         collected = differences(dataset, run.name, base.name)
         verdict = ""
         if scatter is not None:
-            harmless = collected["volumes"] <= scatter.error_volumes and abs(collected["stress"]) <= scatter.error_stress
+            bounds = {name: max(PAPER_HEIGHT, scatter[f"error_{name}"]) for name in ("volumes", "stress")}
+            harmless = all(abs(collected[name]) <= bound for name, bound in bounds.items())
             verdict = " is harmless" if harmless else " is not harmless"
         lines.append(
             f"{run.change} 1/s{verdict}: {_compared(dataset, run, base)}, dissipated {percent(run.dissipated_fraction)} instead "
@@ -299,9 +309,9 @@ def _damping(dataset: xr.Dataset, rows: pd.DataFrame) -> list[str]:
 
 
 def _mesh(rows: pd.DataFrame) -> list[str]:
-    """The cheapest mesh level whose volumes are within the paper's 2 %, or within the scatter where that is larger."""
-    settings, scatter = settings_of(rows), scatter_row(rows, "reference")
-    levels = settings[settings.varied.isin(["", "level"]) & np.isfinite(settings.error_volumes)]
+    """The cheapest mesh whose volumes are within the paper's 2 %, or within the scatter where that is larger."""
+    settings, scatter = meshes_of(settings_of(rows)), scatter_row(rows, "reference")
+    levels = settings[np.isfinite(settings.error_volumes)]
     if levels.empty or scatter is None:
         return [NOT_MEASURED]
     bound = max(PAPER_HEIGHT, scatter.error_volumes)
@@ -309,11 +319,11 @@ def _mesh(rows: pd.DataFrame) -> list[str]:
     wanted = f"volumes within {percent(bound)}"
     meant = "The bound is the larger of 2 % and the scatter on the finest mesh"
     if good.empty:
-        return [f"none of {', '.join(dict.fromkeys(levels.level))} has {wanted}. {meant}"]
+        return [f"none of {', '.join(dict.fromkeys(map(_named, levels.itertuples())))} has {wanted}. {meant}"]
     best = good.iloc[0]
     named = f", preset `{best.preset}`," if best.preset else ""
     return [
-        f"`{best.level}` with {best.engine}{named} for {best.cpu_seconds:.0f} s is the cheapest with {wanted}. Its stress is "
+        f"{_named(best)}{named} for {best.cpu_seconds:.0f} s is the cheapest with {wanted}. Its stress is "
         f"off by {error_text(best, 'error_stress', rows)}. {meant}"
     ]
 
@@ -325,7 +335,8 @@ def _paper(rows: pd.DataFrame) -> list[str]:
         if verdicts := _within_paper(run, rows):
             lines.append(f"`{run.level}` against the finest mesh with {run.engine}: {verdicts}")
     usable = rows[(rows.kind == "run") & (rows.branch == 0) & rows.status.isin(USABLE)]
-    selected = _first(usable[usable.varied == "level, element"], level="paper", element="C3D20")
+    paper = usable.varied.isin(["level, element", "level, element, contact"])
+    selected = _first(usable[paper], level="paper", element="C3D20")
     if selected is not None and (verdicts := _within_paper(selected, rows)):
         lines.append(
             f"The paper's element at its own density (full integration, `paper`): {verdicts}. Its volumes are off by "
@@ -367,37 +378,63 @@ def _scatter(rows: pd.DataFrame) -> list[str]:
 
 
 def _limit(rows: pd.DataFrame) -> list[str]:
-    """Stroke and stress over the meshes that differ from the reference's in size alone, and where they tend to."""
+    """Stroke and stress over the meshes that differ from the reference's in size alone, and those of shells; where they tend to."""
     mean, settings = _first(rows[rows.kind == "mean"], part="reference"), settings_of(rows)
     if mean is None:
         return [NOT_MEASURED]
-    alike = settings[(settings.varied == "level") & (settings.engine == mean.engine) & (settings.grading == mean.grading)]
-    coarser = alike[alike.part == "accuracy"].sort_values("degrees_of_freedom")
-    if coarser.empty:
-        return [NOT_MEASURED]
-    levels = pd.concat([coarser, mean.to_frame().T])
-    collected = []
+    own = settings[(settings.part == "accuracy") & (settings.engine == mean.engine) & (settings.grading == mean.grading)]
+    bricks, shells = own[own.varied == "level"], own[own.element == SHELLS]
+    found = []
+    for coarser, finest in ((bricks, mean.to_frame().T), (shells, shells[:0])):
+        levels = pd.concat([part for part in (coarser, finest) if len(part)]) if len(coarser) else coarser
+        levels = levels.sort_values("degrees_of_freedom")
+        if len(coarser) and len(levels) > 1:
+            found += _tending(levels)
+    return found or [NOT_MEASURED]
+
+
+def _tending(levels: pd.DataFrame) -> list[str]:
+    """Stroke and stress over ever finer meshes of one element, and Richardson's extrapolation of the two finest."""
+    lines = []
     for name, unit in (("stroke", "ml"), ("stress", "MPa")):
         size, values = levels.degrees_of_freedom.to_numpy(float), levels[name].to_numpy(float)
         over = ", ".join(f"{number(v)} (`{level}`)" for v, level in zip(values, levels.level, strict=True))
         second, first = (signed_percent(richardson(size, values, order) / values[-1] - 1) for order in (2.0, 1.0))
-        collected.append(
-            f"{name} {over} {unit}; Richardson's extrapolation adds {second} (second order) to {first} (first order)"
+        lines.append(
+            f"{levels.element.iloc[-1]}: {name} {over} {unit}; Richardson's extrapolation adds {second} (second order) to {first} "
+            "(first order)"
         )
-    return collected
+    return lines
 
 
 def _engines(dataset: xr.Dataset, rows: pd.DataFrame) -> list[str]:
-    settings = settings_of(rows)
-    same = settings[settings.varied.isin(["", "level"]) & (settings.level == PAPER_LEVEL)]
-    calculix, newton = _first(same, engine="calculix"), _first(same, engine="newton")
-    if calculix is None or newton is None:
-        return [NOT_MEASURED]
-    return _with_scatter([f"newton against CalculiX: {_compared(dataset, newton, calculix)}"], rows, "reference", "finest")
+    """Both engines on the same bricks, whose layers do not touch."""
+    settings, lines = settings_of(rows), []
+    alike = settings[(settings.element == "C3D20R") & (settings.symmetry == "quarter")]
+    apart = alike[(alike.engine == "newton") & alike.varied.isin(["contact", "level, contact"])]
+    for _, run in apart.iterrows():
+        if (other := _first(alike[alike.varied.isin(["", "level"])], level=run.level, engine="calculix")) is not None:
+            lines.append(f"newton against CalculiX on `{run.level}`: {_compared(dataset, run, other)}")
+    return _with_scatter(lines, rows)
+
+
+def _contact(dataset: xr.Dataset, rows: pd.DataFrame) -> list[str]:
+    """Runs whose layers pass each other beside those whose layers touch, on the same mesh."""
+    settings, lines = settings_of(rows), []
+    for varied, alike in (("contact", ""), ("level, contact", "level")):
+        for _, run in settings[settings.varied == varied].iterrows():
+            if (base := _first(settings, varied=alike, level=run.level, engine=run.engine)) is not None:
+                lines.append(f"{run.change.split(', ')[-1]} on `{run.level}`: {_compared(dataset, run, base)}")
+    return lines or [NOT_MEASURED]
 
 
 # --------------------------------------------------------------------------------------------------------------------
 # words
+
+
+def _named(run) -> str:
+    """The mesh of a run and what solves it."""
+    return f"{run.element} on `{run.level}` with {run.engine}"
 
 
 def _with_scatter(lines: list[str], rows: pd.DataFrame, part: str = "scatter", mesh: str = "default") -> list[str]:

@@ -257,10 +257,13 @@ def test_shipped_studies_have_the_roles_that_their_names_tell(loaded):
 @pytest.fixture
 def gathered(loaded, make_run, make_case, monkeypatch, tmp_path):
     """Runs of one device whose errors and costs are known, gathered; N_p = 4 alone has been measured."""
-    fast = loaded.config.numerics_presets["fast"]
+    presets = loaded.config.numerics_presets
+    fast, touching = presets["fast"], {"fine": presets["touching_finest"], "medium": presets["touching"]}
     damped = fast.model_copy(update={"ramp": fast.ramp.model_copy(update={"damping": 1e7})})
 
-    def run(role, variant, factor, engine, seconds, branch=0, numerics=fast, status="converged", **mesh):
+    def run(role, variant, factor, engine, seconds, branch=0, numerics=None, status="converged", **mesh):
+        at_rest = touching.get(mesh.get("level"), presets["touching_at_once"])
+        numerics = numerics or {"newton": at_rest, "calculix": fast}[engine]
         case = make_case(mesh=Mesh(**mesh), engine=engine, numerics=numerics.for_engine(engine), branch=branch)
         made = make_run(
             factor, role=role, status=status, solver_time=seconds, iterations=seconds * 10.0, solver_memory=9.0 * seconds
@@ -274,14 +277,18 @@ def gathered(loaded, make_run, make_case, monkeypatch, tmp_path):
         *(run("reference", "", f, "newton", 1000.0, b, level="fine") for b, f in enumerate((0.99, 1.0, 1.01))),
         *(run("scatter", "preview", f, "newton", 10.0, b) for b, f in enumerate((0.86, 0.94))),
         *(run("scatter", "coarse", f, "newton", 90.0, b, level="coarse") for b, f in enumerate((0.98, 1.0))),
-        run("accuracy", "preview", 0.88, "calculix", 100.0),
-        run("referee", "", 0.97, "calculix", 3000.0, level="medium"),
-        run("accuracy", "newton", 0.9, "newton", 10.0),
-        run("accuracy", "newton_medium", 0.985, "newton", 400.0, level="medium"),
-        run("accuracy", "newton_paper", 0.97, "newton", 300.0, level="paper"),
-        run("accuracy", "newton_half", 0.9, "newton", 30.0, symmetry="front_back"),
-        run("accuracy", "damped", 0.5, "calculix", 50.0, numerics=damped),
-        run("accuracy", "lost", 0.9, "calculix", 1.0, status="diverged", level="coarse"),
+        run("referee", "preview", 0.88, "calculix", 100.0),
+        run("referee", "medium", 0.97, "calculix", 3000.0, level="medium"),
+        run("accuracy", "bricks", 0.9, "newton", 10.0),
+        run("accuracy", "bricks_medium", 0.985, "newton", 400.0, level="medium"),
+        run("accuracy", "bricks_paper", 0.97, "newton", 300.0, level="paper"),
+        run("accuracy", "shells_paper", 0.97, "newton", 60.0, level="paper", element="SHELL8R"),
+        run("accuracy", "shells_medium", 0.99, "newton", 90.0, level="medium", element="SHELL8R"),
+        run("accuracy", "apart", 0.95, "newton", 5.0, numerics=fast),
+        run("accuracy", "apart_medium", 0.985, "newton", 390.0, level="medium", numerics=fast),
+        run("accuracy", "half", 0.9, "newton", 30.0, symmetry="front_back"),
+        run("referee", "damped", 0.5, "calculix", 50.0, numerics=damped),
+        run("referee", "lost", 0.9, "calculix", 1.0, status="diverged", level="coarse"),
         replace(run("shells", "s8r", 0.99, "calculix", 200.0, symmetry="full", element="S8R"), surface=None),
         replace(run("shells", "s8", 0.9, "calculix", 300.0, symmetry="full", element="S8"), surface=None),
     ]
@@ -328,11 +335,11 @@ def test_kept_runs_survive_their_file(kept_runs, loaded, tmp_path):
         assert float(one.values.solver_time) == 10.0
         np.testing.assert_array_equal(one.surface.quads, other.surface.quads)
         np.testing.assert_allclose(one.surface.points, other.surface.points, atol=0.5 * STEP + 1e-6)
-    assert lacking(loaded, "reference_np4", tmp_path) == [False, False, True, True, True]
+    assert lacking(loaded, "reference_np4", tmp_path) == [False, False, True]
     renamed = loaded.studies["reference_np4"].model_copy(update={"device": "renamed"})
-    devices = {**loaded.devices, "renamed": loaded.devices["limo_2025"]}
+    devices = {**loaded.devices, "renamed": loaded.devices["limo"]}
     called = Project(loaded.config, devices, {"reference_np4": renamed}, loaded.files)
-    assert lacking(called, "reference_np4", tmp_path) == [False, False, True, True, True], "the name decides nothing"
+    assert lacking(called, "reference_np4", tmp_path) == [False, False, True], "the name decides nothing"
     assert len(read_runs(called, "reference_np4", file)) == 2
     coarser = loaded.studies["reference_np4"].model_copy(update={"mesh": Mesh(level="medium")})
     other = loaded.with_builds({"newton": "another"})
@@ -366,7 +373,7 @@ def test_rows_survive_their_file(gathered, tmp_path):
 def test_rows_that_are_measured_later_join_the_kept_ones(gathered, loaded, monkeypatch, tmp_path):
     runs = error_table.runs_of(loaded, "np4")
     reference = [run for run in runs if run.role == "reference"]
-    (newton,) = (run for run in runs if run.variant == "newton")
+    (newton,) = (run for run in runs if run.variant == "bricks")
     fuller = replace(newton.case, mesh=Mesh(level="paper", element="C3D20"))
     longer = replace(newton.surface, pressure=np.array([0.0, 30.0, 60.0]), height=np.array([0.0, 0.05, 0.1]))
     later = [replace(newton, surface=replace(longer, sections=(*newton.surface.sections, np.ones((1, 2, 2)))))]
@@ -380,17 +387,17 @@ def test_rows_that_are_measured_later_join_the_kept_ones(gathered, loaded, monke
     assert kinds == sorted(kinds, key=lambda kind: kind == "run"), "ensembles first"
     for name in ("error_stress", "stroke_volume", "cpu_seconds", "frame_height"):
         for row, key in enumerate(before):
-            if name in gathered and key[2] != "newton":
+            if name in gathered and key[2] != "bricks":
                 found = both[name].values[named.index(key)]
                 np.testing.assert_array_equal(found[: gathered[name][row].size] if found.ndim else found, gathered[name][row])
     assert both.machine.values[named.index(("accuracy", "run", "fuller", 0.0))] == "another machine"
-    row = named.index(("accuracy", "run", "newton", 0.0))
+    row = named.index(("accuracy", "run", "bricks", 0.0))
     assert both.frame_pressure.values[row].tolist() == [0.0, 30.0, 60.0], "the later one"
     shown = {named[int(k)]: cut for k, cut in zip(both.section_run, both.sections.values, strict=True)}
-    assert np.isfinite(shown["accuracy", "run", "newton", 0.0]).sum() == 8 + 4
+    assert np.isfinite(shown["accuracy", "run", "bricks", 0.0]).sum() == 8 + 4
     assert set(shown) == {before[int(k)] for k in gathered.section_run}
     for k, cut in zip(gathered.section_run, gathered.sections.values, strict=True):
-        if (key := before[int(k)])[2] != "newton":
+        if (key := before[int(k)])[2] != "bricks":
             np.testing.assert_array_equal(shown[key][: len(cut), : cut.shape[1]], cut)
     assert both.size_engine.values.tolist() == gathered.size_engine.values.tolist()
     write_errors(both, tmp_path / "both.nc")
@@ -402,14 +409,17 @@ def test_rows_that_are_measured_later_join_the_kept_ones(gathered, loaded, monke
 
 def test_rows_say_what_ran_and_how_wrong_it_is(gathered):
     rows = rows_of(gathered)
-    assert len(rows) == 17 + 6
+    assert len(rows) == 21 + 6
     by = rows[rows.kind == "run"].set_index(["part", "setting", "branch"])
-    newton = by.loc["accuracy", "newton", 0]
-    assert newton.error_stress == pytest.approx(0.1)
-    assert newton.error_volumes == pytest.approx(0.1)
-    assert (newton.varied, newton.preset, newton.degrees_of_freedom) == ("", "preview", 84000)
-    assert by.loc["accuracy", "newton_medium", 0].preset == "bricks"
-    assert by.loc["accuracy", "damped", 0].change == "ramp.damping 1e+07"
+    bricks, apart = (by.loc["accuracy", name, 0] for name in ("bricks", "apart"))
+    assert bricks.error_stress == pytest.approx(0.1)
+    assert bricks.error_volumes == pytest.approx(0.1)
+    assert (bricks.varied, bricks.preset, bricks.degrees_of_freedom) == ("", "", 84000)
+    assert (apart.varied, apart.change, apart.preset) == ("contact", "no contact", "preview")
+    named = {"apart_medium": "bricks", "shells_medium": "standard", "bricks_medium": ""}
+    assert {name: by.loc["accuracy", name, 0].preset for name in named} == named
+    assert by.loc["accuracy", "bricks_medium", 0].change == "medium", "the meshes that its fit begins on go without saying"
+    assert by.loc["referee", "damped", 0].change == "ramp.damping 1e+07"
     assert by.loc["reference", "reference", 1].error_stress == pytest.approx(0.0, abs=1e-12)
     means = rows[(rows.kind == "mean") & (rows.part == "scatter")].set_index("setting")
     assert means.error_stress.to_dict() == pytest.approx({"preview": 0.1, "coarse": 0.01})
@@ -419,15 +429,15 @@ def test_rows_say_what_ran_and_how_wrong_it_is(gathered):
     assert "lost" not in chosen
     assert list(rows.setting.iloc[gathered.section_run.values.astype(int)]) == [
         "reference",
-        "newton",
-        "newton_medium",
-        "newton_paper",
+        "bricks",
+        "bricks_medium",
+        "bricks_paper",
     ]
 
 
 def test_differences_are_between_two_runs(gathered):
     rows = rows_of(gathered)
-    one, other = (rows.index[rows.setting == name][0] for name in ("newton_medium", "referee"))
+    one, other = (rows.index[rows.setting == name][0] for name in ("bricks_medium", "medium"))
     found = differences(gathered, one, other)
     assert found["stress"] == pytest.approx(0.985 / 0.97 - 1)
     assert found["actuation_volume_change"] == pytest.approx(0.985 / 0.97 - 1)
@@ -439,41 +449,49 @@ def test_the_report_answers_from_the_rows(gathered, loaded):
     found = {q: text.split(f"**{q}**\n  - `np4`:")[1].split("\n- **")[0] for q in QUESTIONS.values()}
     answers = {q: answer.removeprefix("\n    -").strip() for q, answer in found.items()}
     preview = answers[QUESTIONS["preview"]]
-    assert preview.startswith("10 s of CPU time and 90 MiB; volumes 10.0%, stroke 10.0%, stress 10.0%")
+    assert preview.startswith("5 s of CPU time and 45 MiB; volumes 5.0%, stroke 5.0%, stress 5.0%")
     assert answers[QUESTIONS["symmetry"]].startswith("front_back against quarter with newton: volumes 0.00%, stroke +0.0%")
-    assert answers[QUESTIONS["shells"]].startswith("S8R against S8: volumes 10.0%, stroke +10.0%")
+    elements = answers[QUESTIONS["elements"]]
+    assert elements.startswith("S8R against S8: volumes 10.0%, stroke +10.0%")
+    assert "S8R of the full device against C3D20R on `preview` with calculix: volumes 12.5%" in elements
+    assert "SHELL8R against C3D20R on `medium` with newton: volumes 0.51%" in elements
+    contact = answers[QUESTIONS["contact"]]
+    assert "no contact on `preview`: volumes 5.6%" in contact
+    assert "no contact on `medium`: volumes 0.00%, stroke +0.0%, stress +0.0%, CPU time 0.97 times" in contact
     damping = answers[QUESTIONS["damping"]]
     assert "ramp.damping 1e+07 1/s" in damping
     assert damping.count("not harmless") == 1
     mesh = answers[QUESTIONS["mesh"]]
-    assert mesh.startswith("`medium` with newton, preset `bricks`, for 400 s is the cheapest")
+    assert mesh.startswith("SHELL8R on `medium` with newton, preset `standard`, for 90 s is the cheapest")
     paper = answers[QUESTIONS["paper"]]
     assert "with newton: largest w 1.5% (at most 2.0%, met)" in paper
     assert "with calculix: largest w 3.0% (at most 2.0%, **not met**)" in paper
     assert (
-        "stroke 116.4 (`paper`), 118.2 (`medium`), 120.0 (`fine`) ml; Richardson's extrapolation adds "
+        "C3D20R: stroke 116.4 (`paper`), 118.2 (`medium`), 120.0 (`fine`) ml; Richardson's extrapolation adds "
         in answers[QUESTIONS["limit"]]
     )
+    assert "SHELL8R: stroke 116.4 (`paper`), 118.8 (`medium`) ml" in answers[QUESTIONS["limit"]]
     scatter = answers[QUESTIONS["scatter"]]
     assert re.search(r"2 runs at `preview` [^\n]+ Their mean is off the reference by 10\.0% and 10\.0%", scatter)
     assert re.search(r"2 runs at `coarse` [^\n]+ Their mean is off the reference by 1\.0% and 1\.0%", scatter)
     assert "| scatter of coarse | coarse | newton |" in text
-    assert "stress +1.5%, CPU time 0.13 times" in answers[QUESTIONS["engines"]]
+    assert "newton against CalculiX on `medium`: volumes 1.5%" in answers[QUESTIONS["engines"]]
     scaling = text.split("### What it takes")[1].split("###")[0]
     assert "| 1.50 | 1.00 | 64000 | 512.0 | 6400 | 245760 |" in scaling, "a time that grows eightfold with four times the size"
     assert re.search(r"\| lost \| coarse \| calculix \| \d+ \| diverged ", text)
     branches = loaded.config.presets["bricks"].branches
-    assert re.search(rf"\| np4 \| bricks \| medium \| quarter \| newton \| {branches} \| 400 \| 3600 \| 1\.5% ", text)
+    assert re.search(rf"\| np4 \| bricks \| medium \| quarter \| newton \| {branches} \| 390 \| 3510 \| 1\.5% ", text)
     other = {**loaded.config.presets, "mine": Preset(mesh=Mesh(level="coarse"))}
     assert re.search(rf"\| np4 \| mine \| coarse \| quarter \| newton \| 1 \| {NOT_MEASURED} ", device_report(gathered, other))
 
 
 def test_what_was_not_run_is_not_measured(gathered, loaded):
-    kept = gathered.isel(run=~np.isin(gathered.setting, ["referee", "newton_half", "s8", "damped", "newton"]))
+    away = ["medium", "preview", "half", "s8", "damped", "bricks", "bricks_medium", "apart", "shells_paper", "shells_medium"]
+    kept = gathered.isel(run=~np.isin(gathered.setting, away))
     text = device_report(kept, loaded.config.presets)
-    for key in ("preview", "symmetry", "shells", "damping", "engines"):
+    for key in ("preview", "symmetry", "elements", "damping", "engines", "contact"):
         assert f"**{QUESTIONS[key]}**\n  - `np4`: {NOT_MEASURED}.\n" in text + "\n"
-    assert f"**{QUESTIONS['mesh']}**\n  - `np4`: `medium`" in text
+    assert f"**{QUESTIONS['mesh']}**\n  - `np4`: C3D20R on `fine` with newton, preset `reference`," in text
     nothing = device_report(None, loaded.config.presets)
     assert nothing.count(f"  - {NOT_MEASURED}.") == len(QUESTIONS)
 
@@ -494,7 +512,7 @@ def test_figures_are_drawn_from_the_kept_dataset_alone(gathered, name, root, tmp
     style.close(figure)
     assert (tmp_path / "figure.png").stat().st_size > 10_000
     if name == "accuracy_cost":
-        assert {"preset preview", "preset bricks", "preset reference", "newton"} <= shown
+        assert {"preset preview", "preset bricks", "preset reference", "preset standard", "apart"} <= shown
         assert not {"preview", "lost", "damped"} & shown, "not on the front"
     assert (root / f"workflow/report/{name}.rst").stat().st_size > 50
     drawn = module.draw(gathered.isel(run=gathered.kind.values != "run", section=slice(0), size=slice(0)))
