@@ -378,7 +378,7 @@ def _scatter(rows: pd.DataFrame) -> list[str]:
 
 
 def _limit(rows: pd.DataFrame) -> list[str]:
-    """Stroke and stress over the meshes that differ from the reference's in size alone, and those of shells; where they tend to."""
+    """Stroke and stress over the meshes that differ from the reference's in size alone, over those of shells, and their limits."""
     mean, settings = _first(rows[rows.kind == "mean"], part="reference"), settings_of(rows)
     if mean is None:
         return [NOT_MEASURED]
@@ -401,8 +401,8 @@ def _tending(levels: pd.DataFrame) -> list[str]:
         over = ", ".join(f"{number(v)} (`{level}`)" for v, level in zip(values, levels.level, strict=True))
         second, first = (signed_percent(richardson(size, values, order) / values[-1] - 1) for order in (2.0, 1.0))
         lines.append(
-            f"{levels.element.iloc[-1]}: {name} {over} {unit}; Richardson's extrapolation adds {second} (second order) to {first} "
-            "(first order)"
+            f"{levels.element.iloc[-1]}: {name} {over} {unit}; Richardson's extrapolation adds {second} (second order) to "
+            f"{first} (first order)"
         )
     return lines
 
