@@ -378,7 +378,7 @@ def _scatter(rows: pd.DataFrame) -> list[str]:
 
 
 def _limit(rows: pd.DataFrame) -> list[str]:
-    """Stroke and stress over the meshes that differ from the reference's in size alone, over those of shells, and their limits."""
+    """Stroke and stress over the meshes that differ from the reference's in size alone, those of shells, and their limits."""
     mean, settings = _first(rows[rows.kind == "mean"], part="reference"), settings_of(rows)
     if mean is None:
         return [NOT_MEASURED]
