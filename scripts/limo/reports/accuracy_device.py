@@ -178,6 +178,8 @@ def _fitting(models: pd.DataFrame) -> float:
 # --------------------------------------------------------------------------------------------------------------------
 # questions
 
+#: what runs whose layers pass each other vary of the default, and what the run with contact beside them varies
+APART = {"contact": "", "level, contact": "level", "level, contact, numerics": "level"}
 QUESTIONS = {
     "preview": "What does `preview` cost, and how large are its errors?",
     "symmetry": "How much does quarter symmetry change the volumes?",
@@ -411,7 +413,7 @@ def _engines(dataset: xr.Dataset, rows: pd.DataFrame) -> list[str]:
     """Both engines on the same bricks, whose layers do not touch."""
     settings, lines = settings_of(rows), []
     alike = settings[(settings.element == "C3D20R") & (settings.symmetry == "quarter")]
-    apart = alike[(alike.engine == "newton") & alike.varied.isin(["contact", "level, contact"])]
+    apart = alike[(alike.engine == "newton") & alike.varied.isin(APART)]
     for _, run in apart.iterrows():
         if (other := _first(alike[alike.varied.isin(["", "level"])], level=run.level, engine="calculix")) is not None:
             lines.append(f"newton against CalculiX on `{run.level}`: {_compared(dataset, run, other)}")
@@ -421,10 +423,11 @@ def _engines(dataset: xr.Dataset, rows: pd.DataFrame) -> list[str]:
 def _contact(dataset: xr.Dataset, rows: pd.DataFrame) -> list[str]:
     """Runs whose layers pass each other beside those whose layers touch, on the same mesh."""
     settings, lines = settings_of(rows), []
-    for varied, alike in (("contact", ""), ("level, contact", "level")):
+    for varied, alike in APART.items():
         for _, run in settings[settings.varied == varied].iterrows():
             if (base := _first(settings, varied=alike, level=run.level, engine=run.engine)) is not None:
-                lines.append(f"{run.change.split(', ')[-1]} on `{run.level}`: {_compared(dataset, run, base)}")
+                changes = ", ".join(change for change in run.change.split(", ") if change != run.level)
+                lines.append(f"{changes} on `{run.level}`: {_compared(dataset, run, base)}")
     return lines or [NOT_MEASURED]
 
 

@@ -616,7 +616,7 @@ def test_a_preset_of_the_configuration_is_that_of_studies_that_name_none(folder)
         edit(folder / CONFIG, (key,), DELETE)
     loaded = load_config(folder / CONFIG)
     setting = loaded.settings("pressure_volume")[""]
-    assert (setting.mesh.level, setting.preset, setting.engine) == ("fine", "fast", "newton")
+    assert (setting.mesh.level, setting.preset, setting.engine) == ("fine", "touching_finest", "newton")
     edit(folder / CONFIG, ("preset",), "exact")
     assert "preview, reference, shells, standard" in str(error_of(folder))
     edit(folder / CONFIG, ("presets",), {})
