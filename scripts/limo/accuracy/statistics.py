@@ -52,11 +52,15 @@ def pareto(cost: np.ndarray, error: np.ndarray) -> np.ndarray:
     return np.array(front, int)
 
 
+#: without which there is no exponent
+LEAST_SIZES = 3
+
+
 def exponent(size: np.ndarray, cost: np.ndarray) -> tuple[float, float]:
     """p and a of cost = a size^p by least squares in logarithms; NaN of fewer than three different sizes."""
     size, cost = np.asarray(size, float), np.asarray(cost, float)
     use = np.isfinite(size) & np.isfinite(cost) & (size > 0) & (cost > 0)
-    if len(np.unique(size[use])) < 3:
+    if len(np.unique(size[use])) < LEAST_SIZES:
         return float("nan"), float("nan")
     power, offset = np.polyfit(np.log(size[use]), np.log(cost[use]), 1)
     return float(power), float(np.exp(offset))
@@ -82,10 +86,18 @@ def sizes_of(dataset: xr.Dataset) -> pd.DataFrame:
 
 
 def scaling_of(rows: pd.DataFrame) -> pd.DataFrame:
-    """Converged runs that differ in mesh level and symmetry alone, with ``seconds_per_iteration``."""
-    plain = rows.varied.isin(["", "level", "symmetry", "level, symmetry"])
+    """Converged runs by ``model``, an engine or a shell of it, that differ in mesh level and symmetry alone.
+
+    With ``seconds_per_iteration``. Elements of which there are fewer than three sizes are left out.
+    """
+    plain = rows.varied.map(lambda varied: {*varied.split(", ")} <= {"", "level", "symmetry", "element"})
     timed = rows[(rows.kind == "run") & (rows.status == CONVERGED) & plain]
-    return timed.assign(seconds_per_iteration=timed.cpu_seconds / timed.iterations)
+    other = ", " + timed.element
+    timed = timed.assign(
+        seconds_per_iteration=timed.cpu_seconds / timed.iterations,
+        model=timed.engine + other.where(timed.varied.str.contains("element"), ""),
+    )
+    return timed[timed.groupby("model").solved_degrees_of_freedom.transform("nunique") >= LEAST_SIZES]
 
 
 def models_of(runs: pd.DataFrame, sizes: pd.DataFrame) -> pd.DataFrame:
@@ -93,5 +105,5 @@ def models_of(runs: pd.DataFrame, sizes: pd.DataFrame) -> pd.DataFrame:
 
     Models of the full device where such were measured (``sizes_of``), else its runs (of ``scaling_of``).
     """
-    measured = sizes[sizes.engine.isin(runs.engine)]
+    measured = sizes[sizes.engine.isin(runs.model)]
     return measured if len(measured) else runs.rename(columns={"solved_degrees_of_freedom": "displacements"})
