@@ -107,11 +107,12 @@ def _presets(rows: pd.DataFrame | None, presets: dict[str, Preset], device: str 
     """A line a preset: what it is, what it costs and how wrong it is."""
     table = []
     for name, preset in presets.items():
-        selected = None if rows is None else _first(settings_of(rows), preset=name)
+        selected = None if rows is None else _solved_by(rows, name)
         line = {"device": device, "preset": name, "level": preset.mesh.level, "symmetry": preset.mesh.symmetry}
         line |= {
             "engine": preset.engine,
             "solutions": preset.branches,
+            "status": "-" if selected is None else selected.status,
             "CPU of one [s]": NOT_MEASURED if selected is None else f"{selected.cpu_seconds:.0f}",
         }
         line |= {"memory [MiB]": NOT_MEASURED if selected is None else f"{selected.memory_mib:.0f}"}
@@ -119,6 +120,13 @@ def _presets(rows: pd.DataFrame | None, presets: dict[str, Preset], device: str 
             line[f"error of {label}"] = NOT_MEASURED if selected is None else error_text(selected, _COLUMNS[label], rows)
         table.append(line)
     return pd.DataFrame(table)
+
+
+def _solved_by(rows: pd.DataFrame, preset: str) -> pd.Series | None:
+    """The run of a preset from the flat state as it is, one that converged if there is one."""
+    runs = rows[(rows.kind == "run") & (rows.branch == 0) & (rows.part != "scatter")]
+    selected = _first(settings_of(rows), preset=preset)
+    return _first(runs, preset=preset) if selected is None else selected
 
 
 def _settings(rows: pd.DataFrame) -> pd.DataFrame:
