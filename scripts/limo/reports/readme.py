@@ -6,7 +6,7 @@ Every time of a case comes from ``docs/data/performance.csv`` or ``docs/gallery/
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import partial
 from pathlib import Path
 
@@ -146,28 +146,41 @@ def accuracy(kept: Kept) -> str:
 
 
 def presets(kept: Kept) -> str:
-    """What a preset costs and how large its errors are, on the device with the larger ones."""
-    device = kept.errors[kept.errors.device == "np8"]
-    rows = [
-        {
-            "preset": f"`{row.preset}`",
-            "mesh level": f"`{row.level}`",
-            "engine": row.engine,
-            "machine": row.machine,
-            "CPU of a solution": f"{row.cpu_seconds:.0f} s",
-            "memory": f"{row.memory_mib:.0f} MiB",
-            "error of volumes": error_text(row, "error_volumes", device),
-            "of stroke": error_text(row, "error_stroke", device),
-            "of stress": error_text(row, "error_stress", device),
-        }
-        for _, row in settings_of(device[device.preset != ""]).iterrows()
+    """What a preset costs and how large its errors are, on both devices that errors are measured of."""
+    devices = [
+        (group, settings_of(group).drop_duplicates("preset").set_index("preset")) for _, group in kept.errors.groupby("device")
     ]
+    rows = []
+    for name in load_config(str(kept.root / "config/config.yaml")).config.presets:
+        both = [(group, solved.loc[name]) for group, solved in devices if name in solved.index]
+        if not both:
+            continue
+        _, first = both[0]
+        rows.append(
+            {
+                "preset": f"`{name}`",
+                "mesh level": f"`{first.level}`",
+                "engine": first.engine,
+                "machine": ", ".join(dict.fromkeys(row.machine for _, row in both)),
+                "CPU of a solution": f"{listed_numbers(row.cpu_seconds for _, row in both)} s",
+                "memory": f"{listed_numbers(row.memory_mib for _, row in both)} MiB",
+                "error of volumes": ", ".join(error_text(row, "error_volumes", group) for group, row in both),
+                "of stroke": ", ".join(error_text(row, "error_stroke", group) for group, row in both),
+                "of stress": ", ".join(error_text(row, "error_stress", group) for group, row in both),
+            }
+        )
     note = wrapped(
-        "N_p = 8 at P_v = 3.8 kPa. Errors are against the finest mesh; ~ marks an error within its scatter. These runs store 21 "
-        "states each, which makes them slower (`docs/methods.md`); do not compare with the next table. The preset `preview` is "
-        "not the mesh level of the same name: it also chooses the engine. `make sweep` takes that level with calculix."
+        "N_p = 4 at P_v = 13.8 kPa, then N_p = 8 at 3.8 kPa. Errors are against the finest mesh; ~ marks an error within its "
+        "scatter. These runs store 21 states each, which makes them slower (`docs/methods.md`); do not compare with the next "
+        "table. The preset `preview` is not the mesh level of the same name: it also chooses the engine. `make sweep` takes that "
+        "level with calculix."
     )
     return "\n\n".join([markdown_table(pd.DataFrame(rows)), note])
+
+
+def listed_numbers(values: Iterable[float]) -> str:
+    """Whole numbers, one after the other."""
+    return ", ".join(f"{value:.0f}" for value in values)
 
 
 def times(kept: Kept) -> str:
