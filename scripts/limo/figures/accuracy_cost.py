@@ -110,7 +110,7 @@ def _panel(axis, rows: pd.DataFrame, error: str) -> None:
         position = row.cpu_seconds, max(getattr(row, error), 1.06 * bottom)
         axis.plot(*position, marker="*", ms=14, mfc="none", color="black", ls="")
         axis.annotate(
-            f"preset {row.preset}",
+            row.preset,
             position,
             xytext=(0, -12),
             textcoords="offset points",

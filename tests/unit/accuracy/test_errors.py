@@ -512,8 +512,8 @@ def test_figures_are_drawn_from_the_kept_dataset_alone(gathered, name, root, tmp
     style.close(figure)
     assert (tmp_path / "figure.png").stat().st_size > 10_000
     if name == "accuracy_cost":
-        assert {"preset preview", "preset bricks", "preset reference", "preset standard", "apart"} <= shown
-        assert not {"preview", "lost", "damped"} & shown, "not on the front"
+        assert {"preview", "bricks", "reference", "standard", "apart"} <= shown
+        assert not {"lost", "damped"} & shown, "not on the front"
     assert (root / f"workflow/report/{name}.rst").stat().st_size > 50
     drawn = module.draw(gathered.isel(run=gathered.kind.values != "run", section=slice(0), size=slice(0)))
     style.close(drawn)
