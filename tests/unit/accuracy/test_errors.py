@@ -480,9 +480,13 @@ def test_the_report_answers_from_the_rows(gathered, loaded):
     assert "| 1.50 | 1.00 | 64000 | 512.0 | 6400 | 245760 |" in scaling, "a time that grows eightfold with four times the size"
     assert re.search(r"\| lost \| coarse \| calculix \| \d+ \| diverged ", text)
     branches = loaded.config.presets["bricks"].branches
-    assert re.search(rf"\| np4 \| bricks \| medium \| quarter \| newton \| {branches} \| converged \| 390 \| 3510 \| 1\.5% ", text)
+    assert re.search(
+        rf"\| np4 \| bricks \| medium \| quarter \| newton \| {branches} \| converged \| 390 \| 3510 \| 1\.5% ", text
+    )
     other = {**loaded.config.presets, "mine": Preset(mesh=Mesh(level="coarse"))}
-    assert re.search(rf"\| np4 \| mine \| coarse \| quarter \| newton \| 1 \| - \| {NOT_MEASURED} ", device_report(gathered, other))
+    assert re.search(
+        rf"\| np4 \| mine \| coarse \| quarter \| newton \| 1 \| - \| {NOT_MEASURED} ", device_report(gathered, other)
+    )
 
 
 def test_what_was_not_run_is_not_measured(gathered, loaded):
