@@ -68,8 +68,8 @@ newton iterations (`docs/methods.md`). Rows and curves are in `docs/gallery/data
 
 Reference and referee take long. Their runs are solved once and kept with their curves and surfaces in
 `docs/gallery/data/<study>_runs.nc`. Without that file they are solved again."""
-#: of CPU time over size that engine newton may not exceed: what it had when all began flat and nothing touched
-EXPONENT, NEWTON = 1.62, "newton"
+#: of CPU time over size that engines may not exceed: what newton had when all began flat and nothing touched
+EXPONENTS = {"newton": 1.62}
 _SCALING = (
     "The exponent of CPU time comes from whole runs that differ only in mesh level and symmetry. The time of an iteration and "
     "the memory come from models of the full device (`scaling` in `config/config.yaml`). These are iterated a few times from the "
@@ -165,7 +165,7 @@ def _scaling(rows: pd.DataFrame, sizes: pd.DataFrame) -> pd.DataFrame:
                 "runs": len(group),
                 "displacements": f"{size.min():.0f} to {size.max():.0f}",
                 "exponent of CPU time": number(exponent(size, group.cpu_seconds)[0], 2),
-                f"at most {EXPONENT:g}": _below(exponent(size, group.cpu_seconds)[0]) if group.engine.iloc[0] == NEWTON else "-",
+                "bound": _below(exponent(size, group.cpu_seconds)[0], EXPONENTS.get(group.engine.iloc[0], np.nan)),
                 "of an iteration": number(exponent(models.displacements, models.seconds_per_iteration)[0], 2),
                 "of memory": number(exponent(models.displacements, models.memory_mib)[0], 2),
                 "largest model": number(largest.displacements, 0),
@@ -177,9 +177,9 @@ def _scaling(rows: pd.DataFrame, sizes: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(table)
 
 
-def _below(power: float) -> str:
-    """Whether an exponent is not above ``EXPONENT``."""
-    return "-" if np.isnan(power) else "met" if power <= EXPONENT else "**not met**"
+def _below(power: float, bound: float) -> str:
+    """A bound, and whether an exponent is not above it; a dash where one of them is not known."""
+    return "-" if np.isnan(power + bound) else f"{bound:g}, {'met' if power <= bound else '**not met**'}"
 
 
 def _fitting(models: pd.DataFrame) -> float:
@@ -435,11 +435,11 @@ def _tending(levels: pd.DataFrame) -> list[str]:
 def _engines(dataset: xr.Dataset, rows: pd.DataFrame) -> list[str]:
     """Both engines on the same bricks, whose layers do not touch."""
     settings, lines = settings_of(rows), []
-    alike = settings[(settings.element == "C3D20R") & (settings.symmetry == "quarter")]
-    apart = alike[(alike.engine == "newton") & alike.varied.isin(APART)]
-    for _, run in apart.iterrows():
-        if (other := _first(alike[alike.varied.isin(["", "level"])], level=run.level, engine="calculix")) is not None:
-            lines.append(f"newton against CalculiX on `{run.level}`: {_compared(dataset, run, other)}")
+    referees = settings[(settings.part == "referee") & settings.varied.isin(["", "level"])]
+    for _, run in settings[(settings.part == "accuracy") & settings.varied.isin(APART)].iterrows():
+        same = {"level": run.level, "element": run.element, "symmetry": run.symmetry}
+        if (other := _first(referees[referees.engine != run.engine], **same)) is not None:
+            lines.append(f"{run.engine} against {other.engine} on `{run.level}`: {_compared(dataset, run, other)}")
     return _with_scatter(lines, rows)
 
 

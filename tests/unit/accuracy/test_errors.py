@@ -475,7 +475,7 @@ def test_the_report_answers_from_the_rows(gathered, loaded):
     assert re.search(r"2 runs at `preview` [^\n]+ Their mean is off the reference by 10\.0% and 10\.0%", scatter)
     assert re.search(r"2 runs at `coarse` [^\n]+ Their mean is off the reference by 1\.0% and 1\.0%", scatter)
     assert "| scatter of coarse | coarse | newton |" in text
-    assert "newton against CalculiX on `medium`: volumes 1.5%" in answers[QUESTIONS["engines"]]
+    assert "newton against calculix on `medium`: volumes 1.5%" in answers[QUESTIONS["engines"]]
     scaling = text.split("### What it takes")[1].split("###")[0]
     assert "| 1.50 | 1.00 | 64000 | 512.0 | 6400 | 245760 |" in scaling, "a time that grows eightfold with four times the size"
     assert re.search(r"\| lost \| coarse \| calculix \| \d+ \| diverged ", text)

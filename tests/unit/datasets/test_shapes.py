@@ -326,7 +326,7 @@ def test_the_figure_says_why_it_has_fewer_panels_and_what_a_star_means(solved, s
     for module in ("deformation", "von_mises", "cycles", "design", "strain_life"):
         figure = import_module(f"limo.figures.{module}").draw(dataset, None, up_to(shapes, 60.0, contact=1))
         assert "kPa*" in written_on(figure)
-        assert "would touch" in written_on(figure)
+        assert "front and back pass each other" in written_on(figure)
         style.close(figure)
     style.close(plain)
     style.close(low)
