@@ -205,10 +205,18 @@ def read_entry(file: Path) -> pd.DataFrame:
 def entry_table(rows: pd.DataFrame) -> str:
     """The rows as a markdown table."""
     lines = [
-        (WORDS.get(r.what, r.what), f"{r.seconds:g} s", f"{r.other_seconds:g} s (`{r.other}`)", f"{r.ratio:.2f}", r.kind, r.runs)
-        for r in rows.itertuples()
+        {
+            "what": WORDS.get(row.what, row.what),
+            "here": f"{row.seconds:g} s",
+            "before": f"{row.other_seconds:g} s (`{row.other}`)",
+            "ratio": f"{row.ratio:.2f}",
+            "time": row.kind,
+            "runs": row.runs,
+            "machine": row.machine,
+        }
+        for row in rows.itertuples()
     ]
-    return markdown_table(pd.DataFrame(lines, columns=["what", "here", "before", "ratio", "time", "runs"]))
+    return markdown_table(pd.DataFrame(lines))
 
 
 Command = tuple[list[str], Path]
