@@ -37,27 +37,28 @@ MEASURED = ((4, 13.8), (8, 3.8))
 DEVICES = sorted(((n, p) for n in POUCHES for p in LARGEST), key=lambda d: d not in MEASURED)
 
 
-def study(setting: str, n_pouches: int, ventricular: float) -> dict:
-    """The study of one case; an earlier build knows no other keys than these, and one device."""
+def study(setting: str, n_pouches: int, ventricular: float, branches: int = 1) -> dict:
+    """The study of one case, of so many solutions; an earlier build knows no other keys than these, and one device."""
     one = {
         "description": "one case of two builds",
         "axes": {"n_pouches": [n_pouches], "ventricular_pressure": [ventricular]},
         "actuation_pressure_max": LARGEST[ventricular],
         "outputs": ["volumes"],
-        "branches": 1,
+        "branches": branches,
         "reuse": "exact",  # other studies of the configuration may go further
     }
     return one | (EARLIERS[setting].study if setting in EARLIERS else {"device": "limo_2025"} | SETTINGS[setting].study)
 
 
-def solve(checkout: Path, folder: Path, setting: str, n_pouches: int, ventricular: float) -> None:
-    """One case in a folder of its own, by the workflow of a checkout; nothing where it is there."""
-    if folder.joinpath(BY).exists():
+def solve(checkout: Path, folder: Path, setting: str, n_pouches: int, ventricular: float, branches: int) -> None:
+    """One case of so many solutions in a folder of its own, by the workflow of a checkout; only those that are not there."""
+    if folder.joinpath(BY).exists() and len(found(folder)) >= branches:
         return
-    shutil.rmtree(folder, ignore_errors=True)
-    shutil.copytree(checkout / "config", folder / "config")
+    if not folder.joinpath(BY).exists():
+        shutil.rmtree(folder, ignore_errors=True)
+        shutil.copytree(checkout / "config", folder / "config")
     file = folder / "config/studies/pair.yaml"
-    file.write_text(yaml.safe_dump(study(setting, n_pouches, ventricular)))
+    file.write_text(yaml.safe_dump(study(setting, n_pouches, ventricular, branches)))
     command = [
         *(checkout / ".venv/bin/snakemake", "pair", "--cores", "1", "--quiet", "all"),
         *("--snakefile", checkout / "Snakefile", "--directory", folder),
@@ -65,7 +66,7 @@ def solve(checkout: Path, folder: Path, setting: str, n_pouches: int, ventricula
     ]
     own = {"PYTHONPATH": str(checkout / "scripts"), "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
     done = subprocess.run(command, cwd=checkout, env=os.environ | own, capture_output=True, text=True, check=False)
-    if done.returncode or not found(folder):
+    if done.returncode or len(found(folder)) < branches:
         raise SystemExit(f"{' '.join(map(str, command))} failed: {(done.stdout + done.stderr)[-2000:]}")
     git = ["git", "rev-parse", "--short=7", "HEAD"]
     commit = subprocess.run(git, cwd=checkout, capture_output=True, text=True, check=True).stdout.strip()
@@ -73,14 +74,14 @@ def solve(checkout: Path, folder: Path, setting: str, n_pouches: int, ventricula
 
 
 def found(folder: Path) -> list[Path]:
-    """Folders of solved cases that had a ramp, which states of coarser meshes have not."""
+    """Folders of solved cases that had a ramp, which states of coarser meshes have not, the flat state as it is first."""
     solved = [f.parent for f in folder.glob("results/cases/*/volumes.nc") if f.parent.joinpath("status.json").exists()]
-    return [f for f in solved if read_json(f / "status.json")["iterations_by_stage"]["ramp"] > 0]
+    ramps = [f for f in solved if read_json(f / "status.json")["iterations_by_stage"]["ramp"] > 0]
+    return sorted(ramps, key=lambda f: read_json(f / "case.json")["case"]["branch"])
 
 
-def row(folder: Path, setting: str, n_pouches: int, ventricular: float) -> tuple[dict, xr.Dataset]:
+def row(case: Path, folder: Path, setting: str, n_pouches: int, ventricular: float) -> tuple[dict, xr.Dataset]:
     """What one case cost and where it ended, and its ramp."""
-    (case,) = found(folder)
     status = read_json(case / "status.json")
     with xr.open_dataset(case / "volumes.nc") as history:
         ramp = ramp_of(history.load())
@@ -139,6 +140,13 @@ def main() -> None:
     parser.add_argument("--only", type=int, choices=POUCHES, help="devices of this number of pouches alone")
     parser.add_argument("--first", type=int, default=len(DEVICES), help="so many devices (default: all)")
     parser.add_argument("--settings", nargs="+", choices=SETTINGS, default=[*SETTINGS], help="those of today (default: all)")
+    parser.add_argument(
+        "--branches",
+        type=int,
+        default=1,
+        choices=(1, 2),
+        help="solutions of the earlier build's `standard`, 2: for their scatter",
+    )
     parser.add_argument("--folder", type=Path, default=ROOT / ".local/before", help="where cases are solved and kept")
     parser.add_argument("--keep", type=Path, default=ROOT / "docs/data/before.csv", help="the table of rows")
     chosen = parser.parse_args()
@@ -149,17 +157,21 @@ def main() -> None:
     places = {job: folder / "_".join(map(str, job)) for job in jobs}
 
     def run(job: tuple[str, int, float]) -> None:
-        solve(earlier if job[0] in EARLIERS else ROOT, places[job], *job)
+        solve(earlier if job[0] in EARLIERS else ROOT, places[job], *job, chosen.branches if job[0] == EARLIER else 1)
         print(*job, flush=True)
 
     with ThreadPoolExecutor(2) as pool:
         list(pool.map(run, jobs))
     rows = []
     for device in devices:
-        solved = {s: row(places[s, *device], s, *device) for s in settings}
+        several = {s: [row(case, places[s, *device], s, *device) for case in found(places[s, *device])] for s in settings}
+        solved = {s: solutions[0] for s, solutions in several.items()}
         for setting, (one, ramp) in solved.items():
             _, reference = solved[setting if setting in EARLIERS else SETTINGS[setting].beside]
             known = {"scatter": scatter(earlier, *device)} if setting == EARLIER else {}
+            if len(several[setting]) > 1:
+                (_, _), (second, other) = several[setting][:2]
+                known = {"scatter": apart(ramp, other, device[1]), "energy_scatter": abs(one["energy_mj"] - second["energy_mj"])}
             off = {"error": error(earlier, ramp, *device)}
             rows.append(one | known | off | {"apart": apart(ramp, reference, device[1])})
     kept, measured = read_before(chosen.keep), pd.DataFrame(rows, columns=COLUMNS)

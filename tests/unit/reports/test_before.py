@@ -62,7 +62,7 @@ def test_the_devices_of_the_measured_errors_come_first(script):
 
 def rows(bricks: float, energy: float) -> pd.DataFrame:
     earlier = dict.fromkeys(COLUMNS, 1) | {"n_pouches": 8, "ventricular_pressure": 3.8, "setting": EARLIER, "commit": "7cdfcb9"}
-    earlier |= {"cpu_seconds": 1000.0, "energy_mj": -100.0, "apart": 0.0, "machine": "a machine"}
+    earlier |= {"cpu_seconds": 1000.0, "energy_mj": -100.0, "apart": 0.0, "machine": "a machine", "energy_scatter": float("nan")}
     ours = earlier | {"setting": "bricks", "commit": "today", "cpu_seconds": bricks, "energy_mj": energy, "apart": 0.012}
     return pd.DataFrame([earlier, ours], columns=COLUMNS)
 
@@ -88,6 +88,10 @@ def test_curves_are_judged_by_the_scatter_of_branches_and_energies_by_the_earlie
         assert no_higher(pair, "bricks").tolist() == [low]
         assert f"| {int(within)} of 1 | {int(low)} of 1 |" in "\n".join(before_section(pair))
     assert within_scatter(pair.assign(scatter=float("nan")), "bricks").empty
+    near = rows(500.0, -99.0)
+    for apart, low in ((0.9, False), (1.1, True)):
+        near["energy_scatter"] = near.setting.map({EARLIER: apart})
+        assert no_higher(near, "bricks").tolist() == [low], "as near as two branches of the earlier build"
 
 
 def test_the_cheapest_setting_that_is_accurate_enough_counts():
