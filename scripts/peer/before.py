@@ -97,10 +97,18 @@ def row(case: Path, folder: Path, setting: str, n_pouches: int, ventricular: flo
         "factorisations": status.get("factorisations"),
         "cpu_seconds": round(status.get("fit_cpu_seconds", 0.0) + status["solver_cpu_seconds"], 1),
         "memory_mib": round(status["solver_memory_mib"]),
+        "iteration_ratio": _ratio(status),
         "rest_volume": round(float(ramp.ventricle_volume[0]), 2),
         "stroke": round(float(ramp.ventricle_volume[0] - end.ventricle_volume), 2),
         "energy_mj": round(float(end.strain_energy - work), 3),
     } | read_json(folder / BY), ramp
+
+
+def _ratio(status: dict) -> float | None:
+    """CPU time of iterations over that of their factorisations and solutions; None after several attempts, which share it."""
+    if len(status["attempts"]) > 1:
+        return None
+    return round((status["solver_cpu_seconds"] - status.get("setup_seconds", 0.0)) / status["factor_seconds"], 3)
 
 
 def scatter(checkout: Path, n_pouches: int, ventricular: float) -> float | None:

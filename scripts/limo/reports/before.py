@@ -20,6 +20,7 @@ COLUMNS = [
     "factorisations",
     "cpu_seconds",
     "memory_mib",
+    "iteration_ratio",
     "rest_volume",
     "stroke",
     "energy_mj",
@@ -183,6 +184,8 @@ def before_section(rows: pd.DataFrame) -> list[str]:
                 "within the scatter": f"{near.sum()} of {len(near)}" if len(near) else "-",
                 "energy lower or equal": f"{low.sum()} of {len(low)}",
                 "iterations over the earlier's": number((group.iterations / before.iterations).median(), 2),
+                "an iteration over its factorise and solve (the earlier's)": f"{number(group.iteration_ratio.median(), 2)} "
+                f"({number(before.iteration_ratio.median(), 2)})",
                 "memory [MiB], most": round(group.memory_mib.max()),
             }
         )

@@ -402,6 +402,8 @@ def _targets(rows: pd.DataFrame, overhead: pd.DataFrame, before: pd.DataFrame, e
     ):
         found = 100 * holds(before, "bricks").mean()
         add(f"devices with {what}: {words}", None if pd.isna(found) else found, 100, "%", most=False)
+    ratio = before[before.setting == "bricks"].iteration_ratio.median()
+    add(f"iterations over their factorise and solve, median of its devices: {words}", ratio, 1.25, "times")
     slower = 1 / times_less(before, "preview").median()
     add("CPU over the earlier build's, median of its devices: preset `preview`", slower, 1, "times")
     more = 1 / times_less(before, "bricks", "memory_mib")
