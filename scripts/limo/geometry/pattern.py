@@ -145,10 +145,10 @@ def flat_pattern(pattern: Pattern, n_pouches: int, source: object = "pattern") -
     array = scaled(_smooth_unit(pattern.pouch_array, length)) if n_pouches else np.empty((0, 2))
     array[[0, -1] if n_pouches else [], 0] = 0.0
     fractions = seam_fractions(pattern, n_pouches)
-    seams = {f: scaled(_smooth_unit([pattern.seams.reference], length) * [f, 1.0]) for f in fractions if f > 0}
+    positions = [f for f in fractions if f > 0]
+    seams = [scaled(_smooth_unit([pattern.seams.reference], length) * [f, 1.0]) for f in positions]
     axis_is_seam = bool(fractions) and fractions[0] == 0.0
-    _check(source, n_pouches, outline, array, seams)
-    seams = list(seams.values())
+    _check(source, n_pouches, outline, array, positions, seams)
 
     curves: list[Curve] = []
 
@@ -191,7 +191,9 @@ def _smooth_unit(curves: list[list[tuple[float, float]]], length: float) -> np.n
     return _chain([np.asarray(c, float) * length for c in curves]) / length
 
 
-def _check(source: object, n_pouches: int, outline: np.ndarray, array: np.ndarray, seams: dict[float, np.ndarray]) -> None:
+def _check(
+    source: object, n_pouches: int, outline: np.ndarray, array: np.ndarray, positions: list[float], seams: list[np.ndarray]
+) -> None:
     """Raise ``ConfigError`` for a pattern that cannot be cut or sealed."""
     face = Polygon(np.vstack([[[0.0, 0.0]], outline]))
     if not face.is_valid:
@@ -217,8 +219,8 @@ def _check(source: object, n_pouches: int, outline: np.ndarray, array: np.ndarra
             "a simple curve from (0, y_bottom) to (0, y_top) at least 0.5 mm inside the outline",
             "pouch_array: [[[0.0, 0.2], [0.4, 0.2]], [[0.4, 0.2], [0.4, 0.9]], [[0.4, 0.9], [0.0, 0.9]]]",
         )
-    key, lines = f"pattern.seams.fractions.{n_pouches}", [LineString(s) for s in seams.values()]
-    for k, (fraction, line) in enumerate(zip(seams, lines, strict=True)):
+    key, lines = f"pattern.seams.fractions.{n_pouches}", [LineString(s) for s in seams]
+    for k, (fraction, line) in enumerate(zip(positions, lines, strict=True)):
         ends = [block.exterior.distance(Point(line.coords[i])) for i in (0, -1)]
         inside = LineString(line.coords[1:-1])
         if (

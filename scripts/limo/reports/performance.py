@@ -201,8 +201,10 @@ def report(
 
 
 def with_iterations(rows: pd.DataFrame) -> pd.DataFrame:
-    """The rows with ``iterations`` of all stages together."""
-    return rows.assign(iterations=rows[[c for c in rows if c.startswith("iterations_")]].sum(axis=1))
+    """The rows with ``iterations`` of all stages together, and with what older ones do not say: one attempt, on its own mesh."""
+    known = rows.reindex(columns=rows.columns.union(["fit_seconds", "attempts"], sort=False))
+    iterations = rows[[c for c in rows if c.startswith("iterations_")]].sum(axis=1)
+    return known.assign(iterations=iterations).fillna({"fit_seconds": 0.0, "attempts": 1})
 
 
 def repeated(rows: pd.DataFrame) -> list[pd.DataFrame]:
@@ -318,7 +320,7 @@ def _levers(rows: pd.DataFrame) -> pd.DataFrame:
                     "hold": int(row.iterations_hold),
                     "ramp": int(row.iterations_ramp),
                     "CPU [s]": round(row.cpu_seconds),
-                    "on coarser meshes": shown(getattr(row, "fit_seconds", 0.0), ".0f"),
+                    "on coarser meshes": f"{row.fit_seconds:.0f}",
                     "share": f"{share:.2f}",
                     "dissipated": shown(row.dissipated_fraction, ".1%"),
                     "V_v at rest [ml]": number(row.rest_volume),
@@ -372,11 +374,10 @@ def _targets(rows: pd.DataFrame, overhead: pd.DataFrame, before: pd.DataFrame, e
         add(f"{name}: longest case", group.cpu_seconds.max() / 60 if len(group) else None, limit, "min CPU")
     # what is known of factors is of the case itself, not of the states it begins at, and of the attempt that counts
     bare = newton.dropna(subset=["factor_seconds"])
-    bare = bare[bare.get("attempts", pd.Series(1.0, bare.index)).fillna(1.0) == 1]
-    bare = bare.assign(own=bare.cpu_seconds - (bare.fit_seconds.fillna(0.0) if "fit_seconds" in bare else 0.0))
+    bare = bare[bare.attempts == 1]
     for batch in ("grid_preview_newton", "grid_paper_density_newton"):
         group = bare[bare.batch == batch]
-        iterating = (group.own - group.setup_seconds.fillna(0.0)).sum()
+        iterating = (group.cpu_seconds - group.fit_seconds - group.setup_seconds.fillna(0.0)).sum()
         value = iterating / group.factor_seconds.sum() if len(group) else None
         add(f"`{batch}`: iterations over their factorise and solve", value, 1.25, "times")
     add("memory, newton", newton.memory_mib.max() / 1024 if len(newton) else None, 2, "GiB")

@@ -105,6 +105,13 @@ class Patterned:
             self._places, self._from_faces, self.mass = of_elements, of_faces, self._own_mass
         self._contact.place(keys)
 
+    def _shifted(self, shift: float) -> np.ndarray:
+        """Values of shift M, and behind them a place for what goes nowhere."""
+        values = np.empty(len(self.indices) + 1)
+        np.multiply(self.mass, shift, out=values[:-1])
+        values[-1] = 0.0
+        return values
+
     @property
     def pairs(self) -> np.ndarray:
         """Which pairs (q,) of layers the pattern has the entries of."""

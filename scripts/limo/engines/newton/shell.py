@@ -293,9 +293,7 @@ class ShellTangent(Patterned):
         assembly, unknowns = self._assembly, self.unknowns
         directors = assembly.directors(u)
         unknowns.turn(directors)
-        values = np.empty(len(self.indices) + 1)
-        np.multiply(self.mass, shift, out=values[:-1])
-        values[-1] = 0.0
+        values = self._shifted(shift)
         forces, own = assembly.inside(u)
         tables = assembly.gradient, assembly.axes, assembly.volume, assembly.law, assembly.quads, unknowns.bases
         shell_kernels.tangent(

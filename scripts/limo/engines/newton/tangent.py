@@ -46,9 +46,7 @@ class Tangent(Patterned):
         ``stress`` (m, g, 6), J w S in N mm, takes the place of that of the displacements in the geometric stiffness.
         """
         assembly = self._assembly
-        values = np.empty(len(self.indices) + 1)
-        np.multiply(self.mass, shift, out=values[:-1])
-        values[-1] = 0.0
+        values = self._shifted(shift)
         if stress is None:
             stress = assembly.inside(u)[1]
         tables = self._sources, self._places, self._special, self._weights
