@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.sparse import csc_array
 
 from limo.engines.newton import contact_kernels
 from limo.engines.newton.entries import entries_of
 from limo.engines.newton.kernels import PAIRS
+from limo.engines.newton.pattern import Additions
 from limo.mechanics.contact import Contact, Touching
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ class ContactTangent:
     """The tangent of an assembly's contact on unknowns, of all pairs of layers or of some; nothing where no layers touch."""
 
     def __init__(self, assembly: Assembly | ShellAssembly, unknowns: Unknowns | Directors):
-        self._matrix: csc_array | None = None
+        self._additions: Additions | None = None
         self._assembly = assembly
         self.chosen = np.empty(0, bool)
         if assembly.touching is None:
@@ -93,15 +93,13 @@ class ContactTangent:
         """Look up where the entries that are kept go in a pattern with rising keys ``unique``."""
         if self._assembly.touching is not None:
             factors, sources = self._kept
-            places = np.searchsorted(unique, self._keys).astype(np.int32)
-            shape = len(unique), self._count_of_plane + int(self.chosen.sum()) * self._per
-            self._matrix = csc_array((factors, (places, sources.astype(np.int32))), shape=shape)
+            self._additions = Additions.of(np.searchsorted(unique, self._keys), sources, factors)
 
     def add(self, values: np.ndarray, u: np.ndarray) -> None:
         """Add the tangent at displacements u (n, 3) to the values of a pattern."""
-        if self._matrix is not None:
+        if self._additions is not None:
             tangents = tangent_of(self._assembly.touching, self._assembly.model.middle(u), self.chosen)
-            values[: self._matrix.shape[0]] += self._matrix @ np.concatenate([each.ravel() for each in tangents])
+            self._additions.add(np.concatenate([each.ravel() for each in tangents]), values)
 
 
 def tangent_of(touching: Touching, x: np.ndarray, chosen: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:

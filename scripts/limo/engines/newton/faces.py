@@ -6,10 +6,11 @@ from collections.abc import Callable
 
 import numpy as np
 
+from limo.engines.newton import face_kernels
 from limo.engines.newton.entries import entries_of
 from limo.engines.newton.kernels import PAIRS
 from limo.engines.newton.unknowns import Unknowns
-from limo.mechanics.model import KPA, Model, Pressure, scatter
+from limo.mechanics.model import KPA, Model, Pressure
 from limo.mesh.elements import gauss, quad8_shape
 
 
@@ -27,16 +28,17 @@ class Faces:
             sign = 1.0 if load.side == "bottom" else -1.0
             nodes.append(nodes_of(load))
             weights.append(np.tile([sign * KPA * load.ventricular, sign * KPA * load.actuation], (len(load.quads), 1)))
-        self.nodes = np.vstack(nodes)
+        self.nodes = np.ascontiguousarray(np.vstack(nodes), np.int32)
         self._weights = np.vstack(weights)
         local, rule = gauss(model.element.gauss_points, 2)
         values, slopes = quad8_shape(local)
         self._values = np.ascontiguousarray((values * rule[:, None]).T)  # (8, g)
-        self._slopes = np.vstack([slopes[:, :, 0], slopes[:, :, 1]])  # (2 g, 8)
+        self._slopes = np.ascontiguousarray(np.vstack([slopes[:, :, 0], slopes[:, :, 1]]))  # (2 g, 8)
         # (N_n dN_m - N_m dN_n) / 2 of each pair of nodes n < m at the points, weighted: what multiplies x_,1, and x_,2
         first, second = self._pair = np.triu_indices(8, 1)
         turned = [values[:, first] * d[:, second] - values[:, second] * d[:, first] for d in (slopes[:, :, 1], slopes[:, :, 0])]
-        self._turned = 0.5 * np.hstack([(rule[:, None] * turned[0]).T, -(rule[:, None] * turned[1]).T])  # (28, 2 g)
+        both = np.hstack([(rule[:, None] * turned[0]).T, -(rule[:, None] * turned[1]).T])
+        self._turned = np.ascontiguousarray(0.5 * both)  # (28, 2 g)
 
     def entries(self, unknowns: Unknowns) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """As ``entries_of``, into what ``tangent`` gives: a pair's blocks are skew, and so is the pair.
@@ -53,23 +55,23 @@ class Faces:
         apart = n != m
         return keys[apart], (factors * np.sign(m - n))[apart], source[apart]
 
-    def _tangents(self, u: np.ndarray) -> np.ndarray:
-        """x_,1 at all points, then x_,2: (f, 2 g, 3)."""
-        return self._slopes @ (self._rest + u[: len(self._rest)])[self.nodes]
+    def _loaded(self, u: np.ndarray, ventricular: float, actuation: float) -> tuple[np.ndarray, np.ndarray]:
+        """Places (n, 3) of the nodes, and the pressure (f,) on each face in MPa."""
+        return self._rest + u[: len(self._rest)], self._weights @ (ventricular, actuation)
 
     def forces(self, u: np.ndarray, ventricular: float, actuation: float) -> np.ndarray:
         """f_p (n, 3) in N: int N p (x_,1 x x_,2) dxi, pushing into the face, at displacements (n, 3) in mm."""
-        shape = len(self.nodes), 2, len(self._slopes) // 2, 3
-        (x, y, z), (r, s, t) = np.moveaxis(self._tangents(u).reshape(shape), (1, 3), (0, 1))
-        normal = np.stack([y * t - z * s, z * r - x * t, x * s - y * r], axis=-1)
-        normal *= (self._weights @ (ventricular, actuation))[:, None, None]
-        return scatter(self._values @ normal, self.nodes, self._count)
+        places, pressure = self._loaded(u, ventricular, actuation)
+        total = np.zeros((self._count, 3))
+        face_kernels.forces(places, self.nodes, self._values, self._slopes, pressure, total)
+        return total
 
     def tangent(self, u: np.ndarray, ventricular: float, actuation: float) -> np.ndarray:
         """The symmetric part of -df_p/du, flat (f, 28, 3): pairs of nodes n < m and directions (0, 1), (0, 2), (1, 2).
 
         -df_p,ni / du_mj = -p eps_ijk A^k_nm with A^k_nm = int N_n (dN_m/dxi_1 x_,2 - dN_m/dxi_2 x_,1)_k dxi.
         """
-        skew = (self._turned @ self._tangents(u)) * (self._weights @ (ventricular, actuation))[:, None, None]
-        # eps_012 = 1, eps_021 = -1, eps_120 = 1
-        return (skew[..., ::-1] * (1.0, -1.0, 1.0)).ravel()
+        places, pressure = self._loaded(u, ventricular, actuation)
+        found = np.empty((len(self.nodes), len(self._turned), 3))
+        face_kernels.tangents(places, self.nodes, self._turned, self._slopes, pressure, found)
+        return found.ravel()

@@ -53,10 +53,10 @@ class RefinedSolver:
         if diagonal.min() <= 0:
             return 1
         self._values, self._scale = values, 1.0 / np.sqrt(diagonal)
-        largest = kernels.scale_upper(values, self._indptr, self._indices, self._scale, self._single)
-        if np.isnan(largest):
+        large = kernels.scale_upper(values, self._indptr, self._indices, self._scale, self._single)
+        if large < 0:
             raise FactorisationError(NO_NUMBERS)
-        if largest >= 1:
+        if large:
             return 1  # the minor of two unknowns is negative
         return self._inner.factorise(self._single, checked=True)
 

@@ -52,6 +52,7 @@ class ShellAssembly:
         self.faces = Faces(model, lambda load: self.quads[load.quads], middle, 2 * count)
         self._constrain()
         self.touching = CompiledTouching.of(model)
+        self._moved: tuple[np.ndarray, np.ndarray] | None = None
         self._placed: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
         self._known: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
 
@@ -95,6 +96,9 @@ class ShellAssembly:
         self.turns, self.tilts = held == 0, held == 1  # two unknowns, and one
         self.axis = (~half).argmax(axis=1)  # the direction in which one that tilts is held
         self.moves = mean & used[:, None]
+        along = np.repeat((self.turns | self.tilts)[:, None], 3, axis=1)
+        along[self.tilts, self.axis[self.tilts]] = False
+        self._taken = np.vstack([self.moves, along])  # (2 N, 3): what forces do work along
         value = 0.5 * (prescribed[shell.bottom] + prescribed[shell.top])
         value[corner] = np.where(self.moves[corner], 0.0, prescribed[shell.middle[corner]])
         self.prescribed = prescribed
@@ -117,9 +121,11 @@ class ShellAssembly:
         return self.retracted(np.vstack([np.where(self.moves, moved, 0.0), turned]).ravel())
 
     def of_slots(self, displacements: np.ndarray) -> np.ndarray:
-        """m and d - d_0 (2 N, 3) of displacements (n, 3)."""
-        bottom, top = displacements[self.model.expansion.bottom], displacements[self.model.expansion.top]
-        return np.vstack([0.5 * (bottom + top), 0.5 * (top - bottom)])
+        """m and d - d_0 (2 N, 3) of displacements (n, 3). The same array again costs nothing."""
+        if self._moved is None or self._moved[0] is not displacements:
+            bottom, top = displacements[self.model.expansion.bottom], displacements[self.model.expansion.top]
+            self._moved = displacements, np.vstack([0.5 * (bottom + top), 0.5 * (top - bottom)])
+        return self._moved[1]
 
     def retracted(self, free: np.ndarray) -> np.ndarray:
         """``free`` with directors of their own length."""
@@ -140,9 +146,7 @@ class ShellAssembly:
         moved, turned = forces.reshape(2, -1, 3)
         unit = self.directors(u) / self.length[:, None]
         turned = turned - unit * np.einsum("nk,nk->n", unit, turned)[:, None]
-        turned[self.tilts, self.axis[self.tilts]] = 0.0
-        turned[~(self.turns | self.tilts)] = 0.0
-        return np.vstack([np.where(self.moves, moved, 0.0), turned]).ravel()
+        return np.where(self._taken, np.vstack([moved, turned]), 0.0).ravel()
 
     # --- forces -------------------------------------------------------------------------------------------------------
 
@@ -247,13 +251,7 @@ class Directors:
 
     def turn(self, directors: np.ndarray) -> None:
         """Take the unknowns of directors (N, 3)."""
-        axis = np.abs(directors).argmin(axis=1)
-        tilts = self._assembly.tilts
-        axis[tilts] = self._assembly.axis[tilts]
-        first = np.cross(np.eye(3)[axis], directors)
-        first /= np.linalg.norm(first, axis=1, keepdims=True)
-        second = np.cross(directors / self._assembly.length[:, None], first)
-        self.bases = np.stack([first, second], axis=1)
+        shell_kernels.bases_of(np.ascontiguousarray(directors), self._assembly.tilts, self._assembly.axis, self.bases)
 
     def expand(self, values: np.ndarray) -> np.ndarray:
         """What unknowns (size,) add to m and d: (6 N,)."""
@@ -320,7 +318,9 @@ class ShellTangent(Patterned):
         places = np.full(keys.shape, len(unique), np.int32)
         places[taken] = inverse
         used = taken.any(axis=0)
-        self._sources = (of_slots.shape[1] * row + column)[used].astype(np.int32)
+        row, column = row[used], column[used]
+        self._entries = row, column
+        self._sources = shell_kernels.source_of(row // 3, row % 3, column // 3, column % 3).astype(np.int32)
         faces = assembly.faces
         self._begin(unique, np.ascontiguousarray(places[:, used]), faces.entries(self.unknowns))
         self._contact = ContactTangent(assembly, self.unknowns)
@@ -343,5 +343,6 @@ class ShellTangent(Patterned):
         whole = np.zeros((len(element), 16, 3, 16, 3))
         for k in range(3):
             whole[:, :, k, :, k] = element
-        entries = whole.reshape(len(element), -1)[:, self._sources]
+        row, column = self._entries
+        entries = whole.reshape(len(element), 3 * len(of_slots.T), -1)[:, row, column]
         return np.bincount(self._places.ravel(), entries.ravel(), len(self.indices) + 1)[:-1]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from limo.engines.newton.kernels import _compiled
+from limo.engines.newton.kernels import _at, _compiled
 
 #: places of the numbers of a law in C
 ROWS, COLUMNS = (0, 0, 0, 0, 1, 1, 1, 2, 2, 3, 4, 4, 5), (0, 1, 2, 3, 1, 2, 3, 2, 3, 3, 4, 5, 5)
@@ -96,4 +96,4 @@ def tangent(slopes, stress, gradient, volume, law, sources, places, special, wei
                 entries[sources[q]] *= weights[special[e], q]
         target = places[e]
         for q in range(len(sources)):
-            values[target[q]] += entries[sources[q]]
+            values[_at(target[q])] += entries[_at(sources[q])]
