@@ -317,10 +317,14 @@ def _hardly_changes(d: xr.Dataset) -> tuple[str, str]:
     curves = d.stroke_volume.squeeze(drop=True)
     first = curves.isel(variant=0)
     apart = {str(v): _distance(curves.sel(variant=v), first) for v in curves.variant.values[1:]}
-    text = ", ".join(f"{name} {value:.1%}" if value else f"{name} not tested (same solution)" for name, value in apart.items())
-    verdict = graded(max(apart.values()), 0.0, 0.05, 0.05)
-    untested = verdict == "reproduced" and 0.0 in apart.values()  # equilibria know no rate: the engine solves one case for both
-    return f"stroke differs from {curves.variant.values[0]} by: {text}", "partly" if untested else verdict
+    told = {0.0: "not tested (same solution)"}  # equilibria know no rate: the engine solves one case for both
+    text = ", ".join(f"{k} {'not known (no solution)' if np.isnan(v) else told.get(v, f'{v:.1%}')}" for k, v in apart.items())
+    text = f"stroke differs from {curves.variant.values[0]} by: {text}"
+    compared = [value for value in apart.values() if value > 0]
+    if not compared:
+        return text, "no data"
+    verdict = graded(max(compared), 0.0, 0.05, 0.05)
+    return text, "partly" if verdict == "reproduced" and len(compared) < len(apart) else verdict
 
 
 def _distance(curve: xr.DataArray, other: xr.DataArray) -> float:

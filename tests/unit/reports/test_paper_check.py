@@ -298,6 +298,10 @@ def test_a_rate_that_the_engine_does_not_know_is_not_tested(data):
     assert row.verdict == "partly"
     assert row.ours.endswith("half 2.0%, half_rate not tested (same solution)")
     assert "rate" in row["what is known"]
+    symmetry.stroke_volume.loc[{"variant": "half"}] = np.nan
+    row = table(data | {"symmetry": symmetry}).loc["symmetry and loading rate hardly change the curves"]
+    assert row.verdict == "no data"
+    assert "half not known (no solution)" in row.ours
 
 
 def test_a_case_that_failed_does_not_count_as_one_that_holds(data):
