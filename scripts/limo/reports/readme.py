@@ -65,7 +65,7 @@ def sweep(kept: Kept) -> str:
                 "efficiency at 90 ml": f"{number(100 * float(case.efficiency_90ml), 0)} %",
                 "dissipated": f"{number(100 * float(case.dissipated_fraction), 0)} %",
                 "iterations": number(float(case.iterations), 0),
-                "CPU": f"{cost.cpu_seconds.iloc[0]:.0f} s" if len(cost) else "-",
+                **({"CPU": f"{cost.cpu_seconds.iloc[0]:.0f} s"} if len(cost) else {}),
             }
         )
     sentences = []
@@ -76,11 +76,10 @@ def sweep(kept: Kept) -> str:
                 f"Without the faster build it takes {number(stock_factor(kept))} times as long. It prints:"
             )
         ]
-    where = wrapped(
-        f"Mesh level `{level}`, engine {engine} ({text_of(grid.build)}), P_v = {float(dataset.ventricular_pressure[0]):g} kPa. "
-        f"CPU: {text_of(grid.machine)}, two cases side by side."
-    )
-    return "\n\n".join([*sentences, markdown_table(pd.DataFrame(rows)), where])
+    machine = f" CPU: {text_of(grid.machine)}, two cases side by side." * bool(seconds)
+    made = f"Mesh level `{level}`, engine {engine} ({text_of(grid.build)})"
+    where = wrapped(f"{made}, P_v = {float(dataset.ventricular_pressure[0]):g} kPa.{machine}")
+    return "\n\n".join([*sentences, markdown_table(pd.DataFrame(rows).fillna("-")), where])
 
 
 def sets(kept: Kept) -> str:
