@@ -176,9 +176,8 @@ STAR = "* front and back pass each other here by more than a thickness"
 
 def with_notes(grid: Grid, columns: int, notes: list[str]) -> tuple[Grid, str]:
     """The same grid with room for notes below the colour bar, and these in lines that are no wider than all columns."""
-    wide = int(grid.size(1, columns)[0] / _LETTER)
-    lines = [line for note in notes for line in textwrap.wrap(note, wide)]
-    return replace(grid, bottom=grid.bottom + _LINE * len(lines)), "\n".join(lines)
+    lines = style.wrapped(notes, grid.size(1, columns)[0], _LETTER)
+    return replace(grid, bottom=grid.bottom + _LINE * len(lines.splitlines())), lines
 
 
 def pairs(dataset: xr.Dataset, shapes: xr.Dataset) -> tuple[Grid, str]:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#F0E442")
 FADED = 0.35  # what is left of a line where layers would touch
 _NOTE = 0.22  # inches that a line above all panels takes
-_LETTER = 0.043  # inches that a letter of small print takes
+_LETTER = 0.043  # inches that a letter of the small print above a legend takes
 WIDEST_PNG, LARGEST_PNG = 1600, 300_000  # pixels across, bytes
 SETTINGS = {
     "axes.grid": True,
@@ -160,15 +160,18 @@ def gaps(dataset: xr.Dataset, most: int = 5) -> list[str]:
     return [*lines, *more, *folded_otherwise(dataset), *remarked(dataset)]
 
 
+def wrapped(notes: list[str], wide: float, letter: float) -> str:
+    """Notes in lines that are no wider than so many inches, of which a letter takes so many."""
+    return "\n".join(line for note in notes for line in textwrap.wrap(note, int(wide / letter)))
+
+
 def legend(figure, handles: list, notes: list[str], ncols: int) -> None:
     """A legend below all panels, with ``notes`` in small print above it, in lines that are no wider than the figure."""
-    wide = int(figure.bbox.width / figure.dpi / _LETTER)
-    lines = [line for note in notes for line in textwrap.wrap(note, wide)]
     figure.legend(
         handles=handles,
         loc="outside lower center",
         ncols=ncols,
-        title="\n".join(lines) or None,
+        title=wrapped(notes, figure.bbox.width / figure.dpi, _LETTER) or None,
         title_fontsize=5.5,
         fontsize=7.5,
         handlelength=1.6,

@@ -68,18 +68,16 @@ def sweep(kept: Kept) -> str:
                 **({"CPU": f"{cost.cpu_seconds.iloc[0]:.0f} s"} if len(cost) else {}),
             }
         )
-    sentences = []
+    prints = "The sweep prints:"
     if len(seconds) == len(rows):
-        sentences = [
-            wrapped(
-                f"The sweep takes about {duration(schedule(seconds, 2))} on two cores and {max(memory):.0f} MiB per case. "
-                f"Without the faster build it takes {number(stock_factor(kept))} times as long. It prints:"
-            )
-        ]
+        prints = (
+            f"The sweep takes about {duration(schedule(seconds, 2))} on two cores and {max(memory):.0f} MiB per case. "
+            f"Without the faster build it takes {number(stock_factor(kept))} times as long. It prints:"
+        )
     machine = f" CPU: {text_of(grid.machine)}, two cases side by side." * bool(seconds)
     made = f"Mesh level `{level}`, engine {engine} ({text_of(grid.build)})"
     where = wrapped(f"{made}, P_v = {float(dataset.ventricular_pressure[0]):g} kPa.{machine}")
-    return "\n\n".join([*sentences, markdown_table(pd.DataFrame(rows).fillna("-")), where])
+    return "\n\n".join([wrapped(prints), markdown_table(pd.DataFrame(rows).fillna("-")), where])
 
 
 def sets(kept: Kept) -> str:

@@ -344,5 +344,5 @@ class ShellTangent(Patterned):
         for k in range(3):
             whole[:, :, k, :, k] = element
         row, column = self._entries
-        entries = whole.reshape(len(element), 3 * len(of_slots.T), -1)[:, row, column]
+        entries = whole.reshape(len(element), 3 * shell_kernels.SLOTS, -1)[:, row, column]
         return np.bincount(self._places.ravel(), entries.ravel(), len(self.indices) + 1)[:-1]
