@@ -249,12 +249,12 @@ def page_of(loaded: Project, gallery: Path) -> str:
     further = "Sets beside this one: " + ", ".join(f"[{name}]({name}/{PAGE})" for name in sets) + "."
     surfaces = [name for name in names if set(loaded.studies[name].figures) & set(SHAPES)]
     bare = any(not (gallery / "data" / f"{name}_shapes.nc").exists() for name in surfaces)
-    unkept = "Surfaces are not among these data. Their figures were drawn when the set was made."
+    unkept = "Surfaces are not among these data. Their figures were drawn when the set was made, so their small print may be older."
     return "\n\n".join(
         [
             "# Gallery",
-            "Written by `limo gallery`; do not edit. Datasets are in `data/`; `limo gallery --redraw` draws every figure from "
-            "them, without a solver. A case that several studies share was solved once and counts in each. The last column is a "
+            "Written by `limo gallery`; do not edit. Datasets are in `data/`; `limo gallery --redraw` draws figures from them, "
+            "without a solver. A case that several studies share was solved once and counts in each. The last column is a "
             "hash of the resolved configuration, which each dataset holds as its attribute `config`.",
             *([further] * bool(sets)),
             *_devices(loaded, gallery, names),

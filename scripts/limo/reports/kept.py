@@ -20,7 +20,7 @@ from limo.reports.markdown import read_rows
 from limo.reports.performance import CASE, read_measurements, with_iterations
 
 #: the two sets of the gallery: the first one, and the one of preset `standard`
-FIRST, STANDARD = "", "standard"
+FIRST, STANDARD, AS_IN_PAPER = "", "standard", "as_in_paper"
 #: data of the gallery that are no study
 NO_STUDY = ("accuracy", "material")
 

@@ -349,7 +349,7 @@ def _designs(reading: str, judge: Judge) -> dict[str, Judge]:
 
 
 _GEOMETRY = "The seams of N_p = 6 and 10 are not public"
-_SCATTER = "On coarse meshes single strokes vary by some 10 % between meshes and between wrinkle states (docs/methods.md)."
+_SCATTER = "On coarse meshes strokes vary between meshes and between wrinkle states (docs/accuracy.md)."
 _FOLD = "The softest design has the largest value here, with contact and without."
 _STEPS = "every step to more pouches at a P_v"
 STATEMENTS = (
@@ -395,8 +395,8 @@ STATEMENTS = (
     Statement("Stress", "peak stress depends weakly on P_v", "weak", "stress",
               {"top 5 % at each P_v's own P_a,max, within 15 %": _weakly_with_pressure("max"),
                f"top 5 % at {ABOVE}, within 15 %": _weakly_with_pressure(ABOVE)},
-              "P_a,max - P_v rises from 56 to 116 kPa with P_v, and the stress follows that difference. Coarse meshes smooth the "
-              "folds that cause the peaks, and hide it."),
+              "P_a,max - P_v rises from 56 to 116 kPa with P_v, and the stress follows that difference, on "
+              "coarse meshes, too."),
     Statement("Strain", "outside, the largest strain runs around the device", "predominantly", "strain_paths",
               {"within 45 degrees of around on most of the area": _outside_around},
               "Wrinkles of the outer wall turn it locally."),

@@ -158,7 +158,8 @@ def report(
         "## Targets",
         markdown_table(_targets(rows, overhead, before, entry)),
         "## Whole grids",
-        "A grid has the 19 cases of `afterload`, `valve_support` and `compliance`. On two cores the longest cases start first.",
+        "A grid has 19 cases: `afterload`, `valve_support` and `compliance` as `config/grids` has them. On two cores the longest "
+        "cases start first.",
         markdown_table(_grids(rows)),
         "## The engines against each other",
         "Both engines solve the same cases on the same meshes, level `preview`. Strokes are in ml at P_a,max, volumes at rest in "
