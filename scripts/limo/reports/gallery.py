@@ -249,7 +249,9 @@ def page_of(loaded: Project, gallery: Path) -> str:
     further = "Sets beside this one: " + ", ".join(f"[{name}]({name}/{PAGE})" for name in sets) + "."
     surfaces = [name for name in names if set(loaded.studies[name].figures) & set(SHAPES)]
     bare = any(not (gallery / "data" / f"{name}_shapes.nc").exists() for name in surfaces)
-    unkept = "Surfaces are not among these data. Their figures were drawn when the set was made, so their small print may be older."
+    unkept = (
+        "Surfaces are not among these data. Their figures were drawn when the set was made, so their small print may be older."
+    )
     return "\n\n".join(
         [
             "# Gallery",
