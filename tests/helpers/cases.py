@@ -63,7 +63,7 @@ def moved(model, pressure):
 
 
 def write_case(folder, model, displacements, cycle=()):
-    """``displacements`` by P_a; ``cycle``: lists of displacements by the leg of a cycle."""
+    """``displacements`` by P_a; ``cycle``: lists of P_v, P_a and displacements by the leg of a cycle."""
     folder.mkdir(parents=True, exist_ok=True)
     pressures = list(displacements)
     p = np.unique(np.concatenate([np.linspace(0, 60, 121), 20 + np.linspace(0, 0.2, 5)]))
@@ -88,7 +88,9 @@ def write_case(folder, model, displacements, cycle=()):
     if cycle:
         legs = [(leg, state) for leg, states in cycle.items() for state in states]
         frames["cycle_leg"] = "cycle_frame", [leg for leg, _ in legs]
-        frames["cycle_displacement"] = ("cycle_frame", "node", "axis"), np.array([u for _, u in legs], np.float32)
+        frames["cycle_ventricular_pressure"] = "cycle_frame", [p for _, (p, _, _) in legs]
+        frames["cycle_actuation_pressure"] = "cycle_frame", [p for _, (_, p, _) in legs]
+        frames["cycle_displacement"] = ("cycle_frame", "node", "axis"), np.array([u for _, (*_, u) in legs], np.float32)
     frames.to_netcdf(folder / "frames.nc")
     write_json(folder / "status.json", {"status": "converged", "reason": ""})
 

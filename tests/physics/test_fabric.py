@@ -182,9 +182,14 @@ def test_stress_and_strain_are_those_of_the_real_thickness(case):
         state = surface_state(model, rolled - model.nodes)
         values.append((state.strain[:, 8:, 0, 0].mean(), state.von_mises[:, 8:].mean(), state.von_mises[:, 4:8].mean()))
         stretched = surface_state(model, 0.01 * model.nodes * (1, 0, 0))
-        values[-1] += (stretched.von_mises.mean(),)
+        values[-1] += (
+            stretched.von_mises.mean(),
+            stretched.second_piola[..., 0, 0].mean(),
+            state.second_piola[:, 8:, 0, 0].mean(),
+        )
     plain, scaled = values
     assert plain[0] == pytest.approx(material.thickness / (2 * radius), rel=0.01)
     assert scaled[0] == pytest.approx(plain[0], rel=1e-3)
     assert scaled[1] == pytest.approx(factor * plain[1], rel=0.01)
-    assert scaled[3] == pytest.approx(plain[3], rel=1e-9)
+    assert scaled[3:5] == pytest.approx(plain[3:5], rel=1e-9)
+    assert scaled[5] == pytest.approx(factor * plain[5], rel=0.01)

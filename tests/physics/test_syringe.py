@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from limo.datasets.cycles import cycle_of
 from limo.engines.newton import iteration as newton
 from limo.engines.newton import syringe
-from limo.measure.cycles import leg_energies, legs_of
+from limo.measure.cycles import leg_energies, legs_of, states_of_last_cycle
+from limo.measure.frames import CaseFrames
 from limo.mechanics.build import build_model
 from limo.mechanics.energy import conjugate_volumes
 from limo.mechanics.equilibrium import residual
 from limo.mechanics.model import Model, Pressure
 from limo.schema.section import STAGES
 from limo.schema.solver import Solver
-from limo.solve.harvest import harvest
+from limo.solve.harvest import harvest, middles
 from tests.helpers.cases import small_mesh, with_
 from tests.physics.test_newton import negative_pivots
 from tests.physics.test_shell import strip
@@ -144,6 +147,30 @@ def test_the_pressure_falls_in_snaps_that_pressure_jumps_over(driven):
     jump = np.diff(up.actuation_volume_conjugate.values).max()
     assert np.diff(leg.actuation_volume_conjugate.values).max() < 0.2 * jump
     assert (np.diff(leg.actuation_pressure.values) < 0).any()
+
+
+def test_a_leg_that_did_not_arrive_closes_no_cycle(case, driven):
+    _, (model, path, history) = driven
+    case = replace(case, ventricular_pressure=P_V, syringe=model.loading.syringe)
+    grid = np.linspace(0.0, MAXIMUM, 5), np.linspace(0.0, 10.0, 5)
+    assert np.isfinite(cycle_of(history, case, *grid)["hysteresis_dissipated"])
+    short = history.isel(increment=slice(None, -2))
+    assert "hysteresis_dissipated" not in cycle_of(short, case, *grid)
+    legs = np.flatnonzero(history.leg.values > 0)
+    states = np.array([path.displacements(int(k))[: model.reference_start] for k in legs])
+    rest = path.displacements(int(np.flatnonzero(history.leg.values == 0)[-1]))[None, : model.reference_start]
+    for count, whole in ((len(legs), True), (len(legs) - 2, False)):
+        of_legs = history.leg.values[legs][:count], states[:count]
+        frames = CaseFrames(Path("frames.nc"), np.zeros(1), np.zeros(1), rest, None, np.empty((0, 2)), np.empty(0), 0.0, *of_legs)
+        assert bool(states_of_last_cycle(model, frames)) == whole
+
+
+def test_layers_are_looked_at_where_pouches_are_full_and_at_the_end(driven):
+    (up, path, history), (filled, there_and_back, of_legs) = driven
+    assert len(middles(up, path, history)) == 2
+    rest, ramp, end = middles(filled, there_and_back, of_legs)
+    np.testing.assert_array_equal(rest, ramp)
+    assert np.abs(end - rest).max() > 0
 
 
 def test_its_states_are_equilibria_at_their_pressure(driven):

@@ -11,7 +11,16 @@ import xarray as xr
 from limo.cases.case import Case
 from limo.cases.grid import GridPoint
 from limo.datasets.gather import GridArrays, members
-from limo.measure.cycles import closed_cycles, cycles_of_syringe, distance, leg_curves, leg_energies, legs_of, syringe_curves
+from limo.measure.cycles import (
+    arrived,
+    closed_cycles,
+    cycles_of_syringe,
+    distance,
+    leg_curves,
+    leg_energies,
+    legs_of,
+    syringe_curves,
+)
 from limo.store.files import UNREADABLE
 
 #: of a leg, over P_a or not: units and meaning; leg 0 is the ramp
@@ -95,7 +104,10 @@ def cycle_of(history: xr.Dataset, case: Case, pressures: np.ndarray, volumes: np
         of_ramp = np.full(len(volumes), np.nan)
         for k, name in enumerate(OF_SYRINGES):
             found[name] = np.array([of_ramp, *(both[k] for both in driven)])
-        closed = cycles_of_syringe(case.syringe[: len(driven)])
+        rest = float(legs[0].actuation_volume_conjugate[0])
+        ends = [float(leg.actuation_volume_conjugate[-1]) for leg in legs[1:]]
+        wanted = [rest if point is None else point for point in case.syringe[: len(ends)]]
+        closed = cycles_of_syringe(case.syringe[: sum(map(arrived, ends, wanted))])  # a path ends at the first that it misses
     else:
         closed = closed_cycles([(case.ventricular_pressure, 0.0), *map(tuple, ends)])
     if not closed:

@@ -217,7 +217,7 @@ def _fatigue(values: dict, mesh, amplitude: np.ndarray, near_seam: np.ndarray, f
 
 def _cycle_fatigue(values: dict, model: Model, frames: CaseFrames, near_seam: np.ndarray, fatigue: Fatigue) -> dict:
     strains, stresses = [], []
-    for number, displacement in enumerate(states_of_last_cycle(model.loading, frames)):
+    for number, displacement in enumerate(states_of_last_cycle(model, frames)):
         state = surface_state(model, displacement.astype(float), f"{frames.file}, state {number} of the last cycle")
         for kept, tensor in ((strains, state.strain), (stresses, state.second_piola)):
             middle = inside_out(model.mesh, tensor)[:, 1]

@@ -17,10 +17,14 @@ import xarray as xr
 
 from limo.measure.frames import CaseFrames
 from limo.measure.ramp import ramp_of
-from limo.mechanics.model import Loading
+from limo.mechanics.energy import conjugate_volumes
+from limo.mechanics.equilibrium import with_references
+from limo.mechanics.model import Loading, Model
 
 #: pressures (kPa) closer than this are the same
 CLOSE = 1e-6
+#: volumes (ml) and pressures (kPa) closer than this to the end of a leg are there
+ARRIVED = 1e-2
 
 
 def legs_of(history: xr.Dataset) -> list[xr.Dataset]:
@@ -69,6 +73,11 @@ def leg_energies(leg: xr.Dataset, ventricular_pressure: float) -> tuple[float, f
     return works[0], works[1], sum(works) - float(stored[-1] - stored[0])
 
 
+def arrived(volume: float, wanted: float) -> bool:
+    """Whether a syringe has come to V_a ``wanted``; both in ml, as P_a does work on them."""
+    return abs(volume - wanted) <= ARRIVED
+
+
 def cycles_of(loading: Loading) -> list[tuple[int, int]]:
     """First and last leg of each stretch of the load that comes back to its first point."""
     if loading.syringe:
@@ -83,19 +92,34 @@ def cycles_of_syringe(points: Sequence[float | None]) -> list[tuple[int, int]]:
     return [(first + 1, last + 1) for first, last in closed_cycles(volumes)]
 
 
-def states_of_last_cycle(loading: Loading, frames: CaseFrames) -> list[np.ndarray]:
+def states_of_last_cycle(model: Model, frames: CaseFrames) -> list[np.ndarray]:
     """Displacements (n, 3) in mm of the states kept along the last closed cycle, from its first point to its last.
 
-    None where the load closes no cycle, or the case did not get through it.
+    Empty where the load closes no cycle, or the case did not get to its end.
     """
-    closed = cycles_of(loading)
-    if not closed or not (frames.cycle_leg == closed[-1][1]).any():
+    closed = cycles_of(model.loading)
+    if not closed or not _is_whole(model, frames, closed[-1][1]):
         return []
     first, last = closed[-1]
     ramp = [frames.displacement[k] for k in np.argsort(frames.pressure)]
     of_legs = [ramp] + [list(frames.cycle_displacement[frames.cycle_leg == k]) for k in range(1, last + 1)]
     before = of_legs[first - 1][-1:] if first else []
     return before + [state for leg in of_legs[first:] for state in leg]
+
+
+def _is_whole(model: Model, frames: CaseFrames, leg: int) -> bool:
+    """Whether the last state that is kept of a leg lies at its end."""
+    own, loading = np.flatnonzero(frames.cycle_leg == leg), model.loading
+    if not len(own):
+        return False
+    if not loading.syringe:
+        return bool(np.allclose(frames.cycle_pressures[own[-1]], loading.cycle[leg - 1], rtol=0.0, atol=ARRIVED))
+    end, rest = (
+        1e-3 * conjugate_volumes(model, with_references(model, displacement.astype(float)))[1]
+        for displacement in (frames.cycle_displacement[own[-1]], frames.displacement[np.argmin(frames.pressure)])
+    )
+    wanted = loading.syringe[leg - 1]
+    return arrived(end, rest if wanted is None else wanted)
 
 
 def closed_cycles(points: list[tuple[float, float]]) -> list[tuple[int, int]]:

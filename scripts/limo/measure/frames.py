@@ -28,8 +28,8 @@ class CaseFrames:
 
     ``motion`` (f, 2, n, 3): velocity and acceleration in mm/s and mm/s^2 on the solver's clock. ``event_pressure`` (e, 2) in
     kPa and ``event_displacement`` (e, 2, n, 3) in mm: before and after each buckling event. Frames may come without these.
-    ``damping`` (1/s) on the solver's clock is that of the attempt that made them. ``cycle_leg`` (c,) and ``cycle_displacement``
-    (c, n, 3) in mm: states along the legs of a cycle, in order.
+    ``damping`` (1/s) on the solver's clock is that of the attempt that made them. States along the legs of a cycle, in order:
+    ``cycle_leg`` (c,), ``cycle_displacement`` (c, n, 3) in mm, ``cycle_pressures`` (c, 2), P_v and P_a in kPa.
     """
 
     file: Path
@@ -42,6 +42,7 @@ class CaseFrames:
     damping: float = 0.0
     cycle_leg: np.ndarray = field(default_factory=lambda: np.empty(0, int))
     cycle_displacement: np.ndarray | None = None
+    cycle_pressures: np.ndarray | None = None
 
     def find(self, requested: float) -> int | None:
         """Index of the frame kept for a pressure (kPa); None when the case did not get there."""
@@ -72,7 +73,7 @@ def read_frames(file: Path, n_nodes: int) -> CaseFrames:
             data.event_pressure.values if "event_pressure" in data else np.empty((0, 2)),
             data.event_displacement.values if "event_displacement" in data else np.empty((0, 2, n_nodes, 3)),
             float(data.attrs.get("damping", 0.0)),
-            *((data.cycle_leg.values, data.cycle_displacement.values) if "cycle_leg" in data else ()),
+            *(_of_cycle(data) if "cycle_leg" in data else ()),
         )
     except UNREADABLE as error:
         raise ResultError(f"{file}: not the frames of a case ({error})") from None
@@ -81,6 +82,12 @@ def read_frames(file: Path, n_nodes: int) -> CaseFrames:
     if frames.displacement.shape[1] != n_nodes:
         raise ResultError(f"{file}: {frames.displacement.shape[1]} nodes, the mesh has {n_nodes}")
     return frames
+
+
+def _of_cycle(data: xr.Dataset) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Leg, displacements and pressures of the states along a cycle."""
+    pressures = np.column_stack([data.cycle_ventricular_pressure.values, data.cycle_actuation_pressure.values])
+    return data.cycle_leg.values, data.cycle_displacement.values, pressures
 
 
 def open_case(case: Case, mesh_file: Path, folder: Path) -> tuple[Model, CaseFrames]:

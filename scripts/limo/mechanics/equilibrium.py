@@ -129,13 +129,13 @@ def residual(
     ``motion`` (2, n, 3), velocity in mm/s and acceleration in mm/s^2 on the solver's clock, and ``damping`` in 1/s give the
     viscous forces and inertia.
     """
-    u = _with_references(model, np.asarray(displacements, float))
+    u = with_references(model, np.asarray(displacements, float))
     project = reduction(model)
     loaded = pressure_forces(model, u, actuation_pressure)
     inside = internal_forces(model, u, source)
     viscous = np.zeros_like(inside)
     if motion is not None:
-        viscous = mass_forces(model, damping * _with_references(model, motion[0]) + _with_references(model, motion[1]))
+        viscous = mass_forces(model, damping * with_references(model, motion[0]) + with_references(model, motion[1]))
     free = unconstrained(model)
 
     def held(forces: np.ndarray) -> np.ndarray:
@@ -148,7 +148,7 @@ def residual(
         whole = float(np.linalg.norm(project @ held(forces).ravel()) / load)
         return whole, float(np.linalg.norm(through_thickness(model, forces)[free]) / load_sum)
 
-    shaken = internal_forces(model, _with_references(model, u + rounding_noise(u, precision)), source)
+    shaken = internal_forces(model, with_references(model, u + rounding_noise(u, precision)), source)
     return Residual(
         *norms(inside - loaded + viscous),
         *norms(shaken - inside),
@@ -162,7 +162,7 @@ def rounding_noise(displacements: np.ndarray, precision: np.dtype | str = "float
     return np.random.default_rng(seed).uniform(-0.5, 0.5, displacements.shape) * spacing
 
 
-def _with_references(model: Model, displacements: np.ndarray) -> np.ndarray:
+def with_references(model: Model, displacements: np.ndarray) -> np.ndarray:
     """Displacements of all of the model's nodes: the reference nodes, which frames leave out, carry no force."""
     u = np.zeros((len(model.nodes), 3))
     count = min(len(u), len(displacements))

@@ -133,9 +133,14 @@ class BentState(LayerState):
     root: np.ndarray | None = None
 
     @cached_property
-    def von_mises(self) -> np.ndarray:
-        """Von Mises stress (m, g) in MPa of the fabric."""
-        return self.root[:, None] * self.loaded.von_mises
+    def second_piola(self) -> np.ndarray:
+        """Second Piola-Kirchhoff stress (m, g, 3, 3) in MPa of the fabric."""
+        return self.root[:, None, None, None] * self.loaded.second_piola
+
+    @cached_property
+    def cauchy(self) -> np.ndarray:
+        """Cauchy stress (m, g, 3, 3) in MPa of the fabric."""
+        return self.root[:, None, None, None] * self.loaded.cauchy
 
 
 def surface_state(model: Model, displacements: np.ndarray, source: object = "frame") -> LayerState:

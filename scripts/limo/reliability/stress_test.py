@@ -14,8 +14,7 @@ from limo.config.project import Project
 from limo.engines.newton.assembly import Assembly
 from limo.errors import ResultError
 from limo.measure.frames import open_case
-from limo.mechanics.equilibrium import mass_forces, rounding_noise, through_thickness, unconstrained
-from limo.mechanics.model import Model
+from limo.mechanics.equilibrium import mass_forces, rounding_noise, through_thickness, unconstrained, with_references
 from limo.reliability.stress_cases import stress_cases
 from limo.store.files import read_json, write_whole
 from limo.store.results import Results
@@ -93,10 +92,10 @@ def forces_residual(case: Case, mesh_file: Path, folder: Path) -> float | None:
         motion = frames.motion[k].astype(float) if frames.motion is not None else np.full(1, np.nan)
         if not np.isfinite(motion).all():
             continue
-        u = _padded(model, frames.displacement[k])
+        u = with_references(model, frames.displacement[k])
         inside, pressed = assembly.forces(u, case.ventricular_pressure, float(pressure))
         shaken, _ = assembly.forces(u + rounding_noise(u, frames.displacement.dtype), case.ventricular_pressure, float(pressure))
-        moving = mass_forces(model, _padded(model, frames.damping * motion[0] + motion[1]))
+        moving = mass_forces(model, with_references(model, frames.damping * motion[0] + motion[1]))
         out, noise, load = (
             np.linalg.norm(through_thickness(model, forces)[free])
             for forces in (inside - pressed + moving, shaken - inside, pressed)
@@ -104,13 +103,6 @@ def forces_residual(case: Case, mesh_file: Path, folder: Path) -> float | None:
         held = np.linalg.norm(through_thickness(model, inside))
         residuals.append(max(out - noise, 0.0) / (load or max(held, SMALLEST_FORCE)))
     return max(residuals, default=None)
-
-
-def _padded(model: Model, values: np.ndarray) -> np.ndarray:
-    """Values (n, 3) at brick nodes, zero at the reference nodes of a model."""
-    padded = np.zeros((len(model.nodes), 3))
-    padded[: len(values)] = values
-    return padded
 
 
 def _short(value: Any) -> Any:

@@ -70,12 +70,17 @@ def harvest(model: Model, path: LoadPath) -> tuple[xr.Dataset, xr.Dataset, str]:
 
 
 def middles(model: Model, path: LoadPath, history: xr.Dataset) -> list[np.ndarray]:
-    """Places (n, 3) in mm of the mesh's nodes on the middle surface at rest and in the last increment; none without rest."""
-    at_rest = np.flatnonzero(history.stage.values == STAGES.index("hold"))
+    """Places (n, 3) in mm of the mesh's nodes on the middle surface, none without rest.
+
+    At rest, at the end of the ramp, and in the last increment where a cycle follows the ramp.
+    """
+    stages = history.stage.values
+    at_rest = np.flatnonzero(stages == STAGES.index("hold"))
     if not len(at_rest):
         return []
+    ramp, last = np.flatnonzero(stages != STAGES.index("cycle"))[-1], len(stages) - 1
     try:
-        return [model.middle(path.displacements(int(k))) for k in (at_rest[-1], history.sizes["increment"] - 1)]
+        return [model.middle(path.displacements(int(k))) for k in (at_rest[-1], ramp, *([last] if last > ramp else []))]
     except ResultError:  # an increment that cannot be read is named by ``harvest``
         return []
 

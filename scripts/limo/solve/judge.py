@@ -115,7 +115,7 @@ def measure(
     """The raw numbers of a path: all its increments, those of the ramp from the state at rest, and its kept frames.
 
     ``balance`` holds ``dissipated_fraction`` of the ramp. ``ends``: where the nodes of the mesh (n, 3) are on the middle surface
-    at rest and at the end of the ramp, in mm; empty without rest.
+    at rest, at the end of the ramp and of the path, in mm; empty without rest.
     """
     known = {"rested": rested, "dissipated_fraction": _number(balance.get("dissipated_fraction"))}
     if history.sizes["increment"]:
