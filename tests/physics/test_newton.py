@@ -423,6 +423,23 @@ def test_of_several_ways_to_rest_the_lowest_is_kept(case):
     np.testing.assert_allclose(together.displacements(0), lowest.displacements(0), atol=1e-6)
 
 
+def test_ways_that_fail_leave_nothing_in_the_path(case, monkeypatch):
+    model = device(case, 6, maximum=0.5, newton={"fit_via": [1.0, 3.0, 10.0]})
+    alone = newton.solve(device(case, 6, maximum=0.5, newton={"fit_via": [10.0]}), Solver())
+    advance = newton.Run.advance
+
+    def failing(run, stage, *load):
+        if stage == newton.HOLD and len(run.ways) < 2:
+            raise newton.PathEndedError("diverged", "made up")
+        advance(run, stage, *load)
+
+    monkeypatch.setattr(newton.Run, "advance", failing)
+    path = newton.solve(model, Solver())
+    assert [w["potential_energy_mj"] is None for w in path.details["ways"]] == [True, True, False]
+    assert path.stage.tolist() == alone.stage.tolist()
+    assert path.pressure.tolist() == alone.pressure.tolist()
+
+
 def path_energy(model: Model, path) -> float:
     """Pi = U - P_v V_v (mJ) of the state at rest of a path."""
     u = path.displacements(int(np.flatnonzero(path.stage == 1)[-1]))
@@ -444,6 +461,39 @@ def test_absurd_pressures_end_the_path_with_a_reason(case, changes):
     assert path.wall_seconds < 60
     assembly = Assembly(model)
     assert all(assembly.smallest_volume(path.displacements(k)) > 0 for k in range(len(path.stage)))
+
+
+def test_a_frame_without_an_equilibrium_is_left_out(case, monkeypatch):
+    """And one that is found changes nothing: the path is that without frames, to the bit."""
+    frames = (0.35, 0.7)
+    plain, wanted = (device(case, 6, maximum=1.0, newton={"load_step": 0.5, "easy_steps": 1}) for _ in range(2))
+    wanted = replace(wanted, loading=replace(wanted.loading, frames=frames))
+    advance = newton.Run.advance
+
+    def failing(run, stage, share, ventricular, actuation, *patience):
+        if actuation == frames[0]:
+            raise newton.PathEndedError("diverged", "made up")
+        advance(run, stage, share, ventricular, actuation, *patience)
+
+    alone = newton.solve(plain, Solver())
+    monkeypatch.setattr(newton.Run, "advance", failing)
+    path = newton.solve(wanted, Solver())
+    assert path.status == "converged", path.reason
+    assert path.pressure.tolist() == sorted([*alone.pressure.tolist(), frames[1]])
+    kept = np.flatnonzero(path.pressure != frames[1])
+    for k, own in enumerate(kept):
+        np.testing.assert_array_equal(path.displacements(int(own)), alone.displacements(k))
+
+
+@pytest.mark.parametrize("where", ["_discrete", "RefinedSolver"])
+def test_no_memory_for_a_model_is_a_crash_that_may_be_tried_again(case, monkeypatch, where):
+    def none(*arguments, **options):
+        raise MemoryError
+
+    monkeypatch.setattr(newton, where, none)
+    path = newton.solve(device(case, 6, maximum=0.5), Solver())
+    assert (path.status, path.interrupted, len(path.stage)) == ("crashed", True, 0)
+    assert path.details["factorisations"] == 0
 
 
 def test_a_path_that_does_not_settle_says_how_far_it_was(case):

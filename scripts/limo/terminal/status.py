@@ -170,7 +170,7 @@ def case_status(
     iterating = place.written - since if place else 0.0
     rate = round(place.iterations / iterating, 2) if iterating > 1.0 else None
     left = None
-    if predicted is not None:
+    if predicted is not None and not (place and place.stage == STAGES[-1]):  # how many legs are gone no engine says
         left = round(seconds_left(predicted, elapsed, share_done(case.engine, *(place.shares if place else (0, 0, 0)))), 1)
     return CaseStatus(
         name, RUNNING, iterations_per_second=rate, seconds=round(elapsed, 1), seconds_left=left, **where

@@ -20,12 +20,15 @@ WORTH = 0.6
 
 
 class Coupling:
-    """Says when a pattern is to change. ``margin``: gap in mm up to which layers that part stay coupled."""
+    """Says when a pattern is to change. ``margin``: gap in mm up to which layers that part stay coupled.
+
+    ``missed``: whether pairs that touch were missing since the last state at rest.
+    """
 
     def __init__(self, touching: Touching, margin: float):
         self._touching, self._margin = touching, margin
         self._recent: deque[np.ndarray] = deque(maxlen=LOOKED_BACK)
-        self._missed = False
+        self.missed = False
 
     def wanted(self, x: np.ndarray, known: np.ndarray) -> np.ndarray | None:
         """Pairs (q,) of a pattern for places x (n, 3), None where all that touch are among the ``known`` ones (q,).
@@ -34,12 +37,12 @@ class Coupling:
         """
         if not (self._touching.near(x) & ~known).any():
             return None
-        again, self._missed = self._missed, True
+        again, self.missed = self.missed, True
         return np.ones(len(known), bool) if again else known | self._touching.near(x, self._margin)
 
     def at_rest(self, x: np.ndarray, known: np.ndarray) -> np.ndarray | None:
         """Pairs (q,) of a narrower pattern after a state at rest at places x (n, 3), None where that does not pay."""
-        self._missed = False
+        self.missed = False
         self._recent.append(self._touching.near(x, self._margin))
         if len(self._recent) < LOOKED_BACK or not known.any():
             return None

@@ -30,7 +30,7 @@ SAMPLED = 5
 
 
 def takes(element: Element) -> bool:
-    """It takes bricks: no one makes them of shells for it."""
+    """It takes bricks and its own shells; no one makes bricks of other shells for it."""
     return not element.is_shell
 
 

@@ -1,4 +1,4 @@
-"""Loaded faces of a layer of bricks: follower pressure, and what it adds to the tangent. Units: mm, N, MPa; pressures in kPa."""
+"""Loaded faces of a layer: follower pressure, and what it adds to the tangent. Units: mm, N, MPa; pressures in kPa."""
 
 from __future__ import annotations
 

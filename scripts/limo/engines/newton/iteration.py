@@ -111,9 +111,10 @@ def solve(model: Model, solver: Solver, start: np.ndarray | None = None, after: 
     began, used = time.monotonic(), _cpu_seconds()
     set_threads(solver.threads)
     run = Run(model, model.numerics.newton, began + 60 * solver.time_limit)
-    prepared = _cpu_seconds() - used
-    status, reason, interrupted = "converged", "", False
+    prepared, status, reason, interrupted = 0.0, "converged", "", False
     try:
+        run.prepare()
+        prepared = _cpu_seconds() - used
         run.travel(start, after)
     except PathEndedError as stop:
         status, reason = stop.status, stop.reason
@@ -123,8 +124,8 @@ def solve(model: Model, solver: Solver, start: np.ndarray | None = None, after: 
     except MemoryError:
         status, reason, interrupted = "crashed", "not enough memory", True
     finally:
-        details = run.details() | {"setup_seconds": round(prepared, 2)}
         run.close()
+    details = run.details() | {"setup_seconds": round(prepared, 2)}
     return LoadPath(
         status=status,
         reason=reason,
@@ -150,21 +151,14 @@ def solve(model: Model, solver: Solver, start: np.ndarray | None = None, after: 
 
 
 class Run:
-    """The iteration on one model; accepted states are kept in order."""
+    """The iteration on one model; accepted states are kept in order. ``prepare`` makes the large arrays, the rest is cheap."""
 
     def __init__(self, model: Model, settings: Newton, deadline: float):
         self.model, self.settings, self.deadline = model, settings, deadline
-        single = settings.factor_precision == "single"
-        self.assembly, self.unknowns, self.tangent = _discrete(model, single)
-        self.factors = RefinedSolver if single else partial(SymmetricSolver, definite=True)
         self._spent = {"seconds": 0.0, "refinements": 0, "memory": 0.0, "patterns": 0}
-        self.solver = self._analysed()
-        touching = self.assembly.touching
-        narrow = touching is not None and model.numerics.contact.coupling == "near"
-        self.coupling = Coupling(touching, model.fabric.thickness) if narrow else None
-        self.mixed = MixedStress(self.assembly) if settings.geometric_stiffness == "mixed" else None
+        self.solver: RefinedSolver | SymmetricSolver | None = None
         self.largest, self.rejected = settings.largest_step * model.length, settings.rejected_step * model.length
-        self.state = _State(np.zeros(self.assembly.size), shift=settings.first_shift)
+        self.state = _State(np.zeros(0), shift=settings.first_shift)
         self.stages: list[int] = []
         self.pressures: list[float] = []
         self.ventriculars: list[float] = []
@@ -181,8 +175,26 @@ class Run:
         self.ways: list[dict[str, Any]] = []
         self._visits = False
 
+    def prepare(self) -> None:
+        """Forces, tangent and the analysis of its pattern. Raises ``MemoryError`` and ``FactorisationError``."""
+        single = self.settings.factor_precision == "single"
+        self.assembly, self.unknowns, self.tangent = _discrete(self.model, single)
+        self.factors = RefinedSolver if single else partial(SymmetricSolver, definite=True)
+        self.solver = self._analysed()
+        touching = self.assembly.touching
+        narrow = touching is not None and self.model.numerics.contact.coupling == "near"
+        self.coupling = Coupling(touching, self.model.fabric.thickness) if narrow else None
+        self.mixed = MixedStress(self.assembly) if self.settings.geometric_stiffness == "mixed" else None
+        self.state.free = np.zeros(self.assembly.size)
+
     def close(self) -> None:
-        self.solver.close()
+        """Give the memory of the factors back; their costs stay known."""
+        if self.solver is not None:
+            spent, solver, self.solver = self._spent, self.solver, None
+            spent["seconds"] += solver.seconds
+            spent["refinements"] += solver.refinements
+            spent["memory"] = max(spent["memory"], solver.memory)
+            solver.close()
 
     def _analysed(self) -> RefinedSolver | SymmetricSolver:
         self._spent["patterns"] += 1
@@ -190,11 +202,7 @@ class Run:
 
     def analyse(self, pairs: np.ndarray | None = None) -> None:
         """Take other factors, for a matrix of another kind or on the pattern of ``pairs`` (q,) of layers."""
-        spent, solver = self._spent, self.solver
-        spent["seconds"] += solver.seconds
-        spent["refinements"] += solver.refinements
-        spent["memory"] = max(spent["memory"], solver.memory)
-        solver.close()
+        self.close()
         if pairs is not None:
             self.tangent.touch(pairs)
         self.solver = self._analysed()
@@ -209,16 +217,16 @@ class Run:
         return self.tangent.assemble(u, ventricular, actuation, self.state.shift, stress)
 
     def details(self) -> dict[str, Any]:
-        """What is told of the iteration beside its path: counts, CPU seconds, MiB."""
+        """What is told of the iteration beside its path, once it is closed: counts, CPU seconds, MiB."""
         state = self.state
         return {
-            "equations": self.unknowns.size,
+            "equations": len(self.state.free),
             "factorisations": state.factorisations,
             "solutions": state.solutions,
             "patterns": self._spent["patterns"],
-            "refinements": self._spent["refinements"] + self.solver.refinements,
-            "factor_seconds": round(self._spent["seconds"] + self.solver.seconds, 2),
-            "factor_memory_mib": round(max(self._spent["memory"], self.solver.memory)),
+            "refinements": self._spent["refinements"],
+            "factor_seconds": round(self._spent["seconds"], 2),
+            "factor_memory_mib": round(self._spent["memory"]),
             "largest_residual": max(self.residuals, default=None),
             **({"not_begun_at": self.fell_back} if self.fell_back else {}),
             **({"ways": self.ways} if self.ways else {}),
@@ -273,7 +281,8 @@ class Run:
             except PathEndedError as stop:
                 if stop.status != "diverged":
                     raise
-                first = first or (stop, self._taken_back())
+                taken = self._taken_back()
+                first = first or (stop, taken)
             self.ways.append({"via": via, "potential_energy_mj": round(ways[via][0], 4) if via in ways else None})
             if via != self.settings.fit_via[-1]:
                 self._begin_flat()
@@ -499,18 +508,30 @@ class Run:
         """Find the equilibria at frames (kPa) within the last step, which left free displacements ``left`` at P_a ``before``.
 
         Each starts between the two ends of the step where that was ``easy``, else where it began: between the ends of a snap
-        lie crushed elements. The path goes on as if nobody had looked.
+        lie crushed elements. The path goes on as if nobody had looked; a frame without an equilibrium is left out.
         """
+        if not frames:
+            return
         state, arrived, pressure, end = self.state, replace(self.state), self.pressures[-1], len(self.stages) - 1
-        pairs, self._visits = self.tangent.pairs, True
-        for place, frame in enumerate(frames):
+        pairs, missed, self._visits = self.tangent.pairs, self.coupling and self.coupling.missed, True
+        for frame in frames:
             share = easy * (frame - before) / (pressure - before)
             state.free = self.assembly.retracted(left + share * (arrived.free - left))
-            self.advance(RAMP, 1.0, self.model.loading.ventricular_pressure, frame)
+            try:
+                self.advance(RAMP, 1.0, self.model.loading.ventricular_pressure, frame)
+            except PathEndedError as stop:
+                if stop.status != "diverged":
+                    raise
+                log.info("no state for the frame at P_a = %g kPa: %s", frame, stop.reason)
+                self._floor = SMALLEST_VOLUME
+                continue
             for history in self._histories:
-                history.insert(end + place, history.pop())
+                history.insert(end, history.pop())
+            end += 1
         state.free, state.shift, state.last_shift = arrived.free, arrived.shift, arrived.last_shift
         self._visits = False
+        if self.coupling is not None:
+            self.coupling.missed = missed
         if self.tangent.pairs is not pairs:
             self.analyse(pairs)
 

@@ -4,14 +4,15 @@ A point of the layer lies at x = m + zeta d, with the middle surface m and the d
 a quadrilateral, zeta from -1 on the bottom to 1 on the top. Nodes have |d| = t / 2 always, so five unknowns: three of m and two
 turns of d. Plane stress takes the place of the stretch across the layer:
 
-    S_ab = Q_abcd E_cd,   S_a3 = 2 G E_a3,   S_33 = 0
+    S_ab = Q_abcd E_cd,   S_a3 = 2 s G E_a3,   S_33 = s E E_33
 
-with Q of the fabric, E and S along the layer's axes. The bricks of ``assembly`` with u_bottom = m - d, u_top = m + d and the
-node between them at m have the same kinematics, but for their stretch. A turn y of a director (mm) moves its tip by
+with Q of the fabric, E and S along the layer's axes, and s of ``limo.mechanics.shell``, far below one for thin layers. The
+bricks of ``assembly`` with u_bottom = m - d, u_top = m + d and the node between them at m have the same kinematics, but for their
+stretch. A turn y of a director (mm) moves its tip by
 
     d(y) = d + B y - |y|^2 / (2 |d|^2) d + ...
 
-with the unit vectors B at right angles to d, so that its tangent has f_d . d / |d|^2 beside B^T K B. Pressures act on the
+with the unit vectors B at right angles to d, so that its tangent has -f_d . d / |d|^2 beside B^T K B. Pressures act on the
 middle surface. Points are 2 x 2 x 2, as those of C3D20R. Units: mm, N, MPa, tonne, s.
 """
 

@@ -113,8 +113,8 @@ def source_of(n: np.ndarray, i: np.ndarray, m: np.ndarray, j: np.ndarray) -> np.
     return (row * 6 + np.where(m < half, pair, 2 * i + j)) * SLOTS + last
 
 
-# The signature is stated: compiled for the types of its first call, it gave the process that compiled it a tangent with other
-# last bits than those that took it from the cache, and so another path (numba 0.68.1). Arrays are flat and their offsets plain
+# The signature is stated: without it, the process that compiles gets a tangent with other last bits than those that read the
+# cache, and so another path (numba 0.68.1). Arrays are flat and their offsets plain
 # numbers, so that the compiler sees what does not overlap, and takes several slots at once.
 @_compiled("void(f8[:,::1], f8[::1], f8[::1], f8[::1], f8, f8[::1], f8[::1])")
 def _point(f, s, slopes, q, w, turns, half):
