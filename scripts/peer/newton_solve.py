@@ -91,7 +91,7 @@ def main(case: str, name: str, n: int) -> None:
     """Solve and print what came out, what it cost and how it ended."""
     element, _, via = name.partition("_")
     model = build(case, element.upper(), n)
-    # kernels come from their cache, as those of a second case in a sweep do not: the first one pays for them
+    # kernels are read from their cache, which the first solve on a machine fills
     before = resource.getrusage(resource.RUSAGE_SELF)
     path = inflation.inflate(model, [100.0, 10.0, 1.0] if via else [1.0], Solver())
     after = resource.getrusage(resource.RUSAGE_SELF)

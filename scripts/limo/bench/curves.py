@@ -76,7 +76,7 @@ def read_curves(measured: MeasuredCurves, expected: Expected | None = None) -> C
     """
     expected = expected or Expected()
     table = read_table(Path(measured.data), measured, CURVES)
-    parts = list(_curves_of(table, measured))
+    parts = list(_curves_of(table))
     said = list(dict.fromkeys(note for _, _, notes in parts for note in notes))
     source = _Source(table, measured, expected, said)
     frames = []
@@ -125,7 +125,7 @@ class _Source:
     said: list[str]
 
 
-def _curves_of(table: Table, measured: MeasuredCurves) -> Iterator[tuple[str, dict[str, np.ndarray], list[str]]]:
+def _curves_of(table: Table) -> Iterator[tuple[str, dict[str, np.ndarray], list[str]]]:
     """Name, values by quantity (each (n,) in kPa and ml) and notes of each set of columns."""
     columns = {name: table.of(name) for name in _VALUES if table.of(name)}
     for change, absolute in (("actuation_volume_change", "actuation_volume"), ("stroke_volume", "ventricle_volume")):

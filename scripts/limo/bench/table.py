@@ -140,7 +140,7 @@ def _with_quantities(table: Table, layout: Layout, vocabulary: Vocabulary, numbe
         unit, source = (head.units[j], "unit row") if head.units[j] else (meant.unit if meant else "", "in its name")
         if not unit and j in numbers.suffixes:
             unit, source = numbers.suffixes[j], "behind its values"
-        quantity = stated.get(column.number) or _quantity(table, column, meant, unit, set(stated.values()), layout, vocabulary)
+        quantity = stated.get(column.number) or _quantity(table, column, meant, unit, set(stated.values()), layout)
         if not unit and quantity and (bracket := re.findall(r"[(\[]([^()\[\]]+)[)\]]", head.names[j])):
             unit = next((b for b in bracket if units.is_unit(b, vocabulary.kinds[quantity])), "")
         if quantity in layout.units:
@@ -151,9 +151,7 @@ def _with_quantities(table: Table, layout: Layout, vocabulary: Vocabulary, numbe
     return replace(table, columns=columns)
 
 
-def _quantity(
-    table: Table, column: Column, meant: Meaning | None, unit: str, stated: set[str], layout: Layout, vocabulary: Vocabulary
-) -> str:
+def _quantity(table: Table, column: Column, meant: Meaning | None, unit: str, stated: set[str], layout: Layout) -> str:
     """What a column's name means, "" where nothing or something that a key states another column for."""
     if meant is None:
         return ""

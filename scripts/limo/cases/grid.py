@@ -152,11 +152,6 @@ def study_cases(project: Project, name: str) -> Mapping[GridPoint, Case]:
     return study_grid(project, name).cases
 
 
-def study_axes(project: Project, name: str) -> Mapping[str, tuple]:
-    """The dimensions of a study's grid and their values (``StudyGrid.axes``)."""
-    return study_grid(project, name).axes
-
-
 def cross_checks(project: Project, name: str) -> Mapping[GridPoint, Case]:
     """The cases of a study that another engine solves too (``StudyGrid.cross_checks``)."""
     return study_grid(project, name).cross_checks

@@ -103,8 +103,10 @@ def check_stress_test(path: Path, config: Config) -> None:
         if numerics.newton.fit_on:
             expected = "a preset without fit_on, for each of its designs is solved on one mesh"
             raise ConfigError(path, "stress_test.numerics", test.numerics, expected, f"numerics: {config.numerics}")
-    if usable := _other_elements(test.engines, test.mesh.element, test.mesh.symmetry):
-        raise ConfigError(path, "stress_test.mesh.element", test.mesh.element, " or ".join(usable), f"element: {usable[0]}")
+    element = find_element(test.mesh.element)
+    if element.is_shell or element.plane_stress:
+        expected = "bricks, C3D20R or C3D20: their forces check each result"
+        raise ConfigError(path, "stress_test.mesh.element", element.name, expected, "element: C3D20R")
 
 
 # --------------------------------------------------------------------------------------------------------------------

@@ -54,7 +54,7 @@ def import_pattern(request: Request, config_file: str, folder: Path, *, replace:
     text = device_text(found, roles, request, material)
     write_whole(target, lambda path: _write_checked(path, text))
     picture = folder / f"{name}_import.png"
-    _draw(found, roles, request, name, picture)
+    _draw(found, request, name, picture)
     return [f"{target}", *_summary(found, roles, request), f"{picture}"]
 
 
@@ -173,7 +173,7 @@ def _millimetres(value: float) -> str:
 # the picture
 
 
-def _draw(found: Imported, roles: Roles, request: Request, name: str, picture: Path) -> None:
+def _draw(found: Imported, request: Request, name: str, picture: Path) -> None:
     """The drawing in grey with the pattern on it, and the points of its curves."""
     from matplotlib.collections import LineCollection
 

@@ -69,7 +69,7 @@ of the paper's 2 % and the scatter. All runs keep 21 frames. These change no cur
 
 Reference and referee take long. Their runs are solved once and kept with their curves and surfaces in
 `docs/gallery/data/<study>_runs.nc`. Without that file they are solved again."""
-#: of CPU time over size that engines may not exceed: what newton had when all began flat and nothing touched
+#: of CPU time over size that engines may not exceed; newton: begun flat, without contact
 EXPONENTS = {"newton": 1.62}
 _SCALING = (
     "The exponent of CPU time comes from whole runs that differ only in mesh level and symmetry. The time of an iteration and "

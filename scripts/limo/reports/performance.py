@@ -184,7 +184,7 @@ def report(
         "Written by `limo performance beside CHECKOUT`: medians of CPU time in this checkout and in an older one, measured in "
         "turns. `--solve` adds what a solve imports, and `--tests` the wall time of the tests, once each.",
         entry_table(entry),
-        "A small case of engine newton was mostly imports. Kernels need Numba, which takes longest with its first kernel, and "
+        "Imports take longer than a small case of engine newton. Kernels need Numba, which takes longest with its first kernel; "
         "results need xarray, which brings pandas. So a process beside Snakemake imports once and forks for every script of a "
         "case (`scripts/limo/warm.py`); its own imports, once a sweep, are those above.",
         "## Sweeps on a cluster",

@@ -81,6 +81,14 @@ def stress_summary(data: Path) -> str:
     return _table(header, rows)
 
 
+_DESIGN = ["n_pouches", "ventricular_pressure", "aspect_ratio", "stiffness_ratio", "thickness", "youngs_modulus", "width_scale"]
+
+
+def _shown(value: float, how: str = "g") -> str:
+    """A number, "-" where a case whose files are damaged has none."""
+    return "-" if pd.isna(value) else format(value, how)
+
+
 def stress_failures(data: Path) -> str:
     """Every case that failed or is degraded: where it lies, how far it came, how thin it was, and why it ended."""
     cases = _read(data, "stress_test.csv")
@@ -90,10 +98,9 @@ def stress_failures(data: Path) -> str:
     for _, c in cases[cases.status != CONVERGED].sort_values(["engine", "box", "number"]).iterrows():
         rows.append(
             (
-                f"{c.box} {c.number}, {c.engine}", int(c.n_pouches), f"{c.ventricular_pressure:g}", f"{c.aspect_ratio:g}",
-                f"{c.stiffness_ratio:g}", f"{c.thickness:g}", f"{c.youngs_modulus:g}", f"{c.width_scale:g}", c.status,
-                f"{c.actuation_pressure_reached:.1f} of {c.actuation_pressure_max:g}", f"{c.smallest_thickness:.2f}",
-                int(c.attempts), str(c.reason)[:110],
+                f"{c.box} {c.number}, {c.engine}", *(_shown(c[name]) for name in _DESIGN), c.status,
+                f"{_shown(c.actuation_pressure_reached, '.1f')} of {_shown(c.actuation_pressure_max)}",
+                _shown(c.smallest_thickness, ".2f"), _shown(c.attempts), str(c.reason)[:110],
             )
         )  # fmt: skip
     header = ("case", "N_p", "P_v", "AR", "E_hat", "t", "E", "width", "status", "P_a [kPa]", "thinned to", "attempts", "reason")

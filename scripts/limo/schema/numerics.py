@@ -178,7 +178,7 @@ class Touch(Section):
     )
 
     def content(self) -> dict[str, Any]:
-        """Plain data by which results are named; nothing where no layers touch, nor the default coupling, which came later."""
+        """Plain data by which results are named; nothing where no layers touch, nor the default coupling."""
         if not (self.front_back or self.endo_epi):
             return {}
         return self.model_dump(
@@ -186,7 +186,7 @@ class Touch(Section):
         )
 
 
-#: keys of ``Newton`` that came when results had names already, which they are to keep
+#: keys of ``Newton`` that results are named by only where they are not the default
 LATER = ("factor_precision", "geometric_stiffness", "fit_via")
 
 

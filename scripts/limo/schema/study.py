@@ -65,7 +65,7 @@ class Axes(Section):
 
 
 class _OfAPattern(Section):
-    """What may change the pattern of a device. Where nothing does, plain data are as they were before the key came."""
+    """What may change the pattern of a device. Where nothing does, plain data lack the key."""
 
     pattern: dict[str, Any] = Field(
         {},

@@ -519,6 +519,7 @@ NESTED = {"newton": {"fit_on": ["preview", "fine"]}}
             "no contact with engine calculix",
         ),
         ((CONFIG, ("stress_test", "numerics")), "nested", "stress_test.numerics", "without fit_on"),
+        ((CONFIG, ("stress_test", "mesh", "element")), "SHELL8R", "stress_test.mesh.element", "bricks"),
     ],
 )
 def test_levers_are_judged_for_every_engine_that_takes_them(folder, at, value, key, words):
