@@ -43,11 +43,11 @@ Row = dict[str, object]
 
 
 def reference_case(loaded: Project, engine: str, maximum: float) -> Case:
-    """The case that is repeated: that of the kept curves, N_p = 8, P_v = 3.8 kPa, on the coarsest mesh, up to a P_a (kPa)."""
+    """The case that is repeated: N_p = 8, P_v = 3.8 kPa, on the coarsest mesh, up to a P_a (kPa)."""
     config = loaded.config
     return Case(
-        device=loaded.devices["limo_2025"],
-        device_name="limo_2025",
+        device=loaded.devices["limo"],
+        device_name="limo",
         n_pouches=8,
         ventricular_pressure=3.8,
         actuation_pressure_max=maximum,
