@@ -408,6 +408,9 @@ def _targets(rows: pd.DataFrame, overhead: pd.DataFrame, before: pd.DataFrame, e
     add(f"iterations over their factorise and solve, median of its devices: {words}", ratio, 1.25, "times")
     slower = 1 / times_less(before, "preview").median()
     add("CPU over the earlier build's, median of its devices: preset `preview`", slower, 1, "times")
+    touching = times_less(before, "shells") / times_less(before, "standard")
+    name = "CPU over that of the same shells that do not touch and are fitted straight, most of its devices: preset `standard`"
+    add(name, touching.max(), 1.5, "times")
     more = 1 / times_less(before, "bricks", "memory_mib")
     add(f"memory over that of the earlier build's `standard`: {SETTINGS['bricks'].words}", more.max(), 1, "times")
     for what, name, limit in ((NOTHING, "nothing to do in {} solved cases", 5), (PLANNING, "dry run of a study of {} cases", 15)):
