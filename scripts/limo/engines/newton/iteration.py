@@ -155,7 +155,7 @@ class Run:
 
     def __init__(self, model: Model, settings: Newton, deadline: float):
         self.model, self.settings, self.deadline = model, settings, deadline
-        self._spent = {"seconds": 0.0, "refinements": 0, "memory": 0.0, "patterns": 0}
+        self._spent, self._equations = {"seconds": 0.0, "refinements": 0, "memory": 0.0, "patterns": 0}, 0
         self.solver: RefinedSolver | SymmetricSolver | None = None
         self.largest, self.rejected = settings.largest_step * model.length, settings.rejected_step * model.length
         self.state = _State(np.zeros(0), shift=settings.first_shift)
@@ -180,7 +180,7 @@ class Run:
         single = self.settings.factor_precision == "single"
         self.assembly, self.unknowns, self.tangent = _discrete(self.model, single)
         self.factors = RefinedSolver if single else partial(SymmetricSolver, definite=True)
-        self.solver = self._analysed()
+        self._equations, self.solver = self.unknowns.size, self._analysed()
         touching = self.assembly.touching
         narrow = touching is not None and self.model.numerics.contact.coupling == "near"
         self.coupling = Coupling(touching, self.model.fabric.thickness) if narrow else None
@@ -220,7 +220,7 @@ class Run:
         """What is told of the iteration beside its path, once it is closed: counts, CPU seconds, MiB."""
         state = self.state
         return {
-            "equations": len(self.state.free),
+            "equations": self._equations,
             "factorisations": state.factorisations,
             "solutions": state.solutions,
             "patterns": self._spent["patterns"],
