@@ -15,6 +15,7 @@ import sys
 from pathlib import Path
 
 import pytest
+import xarray as xr
 
 from limo.terminal.cli import main, make_parser
 from tests.helpers.snakemake import run_snakemake
@@ -93,8 +94,10 @@ def reader(solved, tmp_path_factory):
     shutil.copytree(ROOT / "workflow/profiles", folder / "workflow/profiles")
     shutil.copytree(solved.folder / "results", folder / "results")
     (folder / "results/studies/tiny").rename(folder / "results/studies/pressure_volume")
-    (folder / "results/studies/surface").mkdir()
-    shutil.copyfile(ROOT / "docs/gallery/data/surface.nc", folder / "results/studies/surface/study.nc")
+    with xr.open_dataset(ROOT / "docs/gallery/data/surface.nc") as surface:  # of four devices, and a reader's of one
+        for name, devices in (("surface", surface), ("my_heart", surface.sel(n_pouches=[6]))):
+            (folder / "results/studies" / name).mkdir()
+            devices.load().drop_encoding().to_netcdf(folder / "results/studies" / name / "study.nc")
     return folder
 
 
