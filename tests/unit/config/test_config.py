@@ -741,6 +741,7 @@ def test_the_stress_test_of_a_broken_device_is_left_out(folder):
     edit(folder / CONFIG, ("studies",), ["small"])
     edit(folder / "devices/limo_2025.yaml", ("patern",), {})
     edit(folder / CONFIG, ("scaling", "device"), "limo_2025")
+    edit(folder / CONFIG, ("stress_test", "device"), "limo_2025")
     project = load_config(folder / CONFIG, [ALL])
     assert (project.config.stress_test, project.config.scaling) == (None, None)
     with pytest.raises(ConfigError, match=r"limo_2025\.yaml: patern"):
