@@ -106,8 +106,8 @@ def cycle_of(history: xr.Dataset, case: Case, pressures: np.ndarray, volumes: np
             found[name] = np.array([of_ramp, *(both[k] for both in driven)])
         rest = float(legs[0].actuation_volume_conjugate[0])
         ends = [float(leg.actuation_volume_conjugate[-1]) for leg in legs[1:]]
-        wanted = [rest if point is None else point for point in case.syringe[: len(ends)]]
-        closed = cycles_of_syringe(case.syringe[: sum(map(arrived, ends, wanted))])  # a path ends at the first that it misses
+        there = [arrived(end, point, rest) for end, point in zip(ends, case.syringe, strict=False)]
+        closed = cycles_of_syringe(case.syringe[: sum(there)])  # a path ends at the first point that it misses
     else:
         closed = closed_cycles([(case.ventricular_pressure, 0.0), *map(tuple, ends)])
     if not closed:

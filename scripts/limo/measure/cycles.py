@@ -73,9 +73,9 @@ def leg_energies(leg: xr.Dataset, ventricular_pressure: float) -> tuple[float, f
     return works[0], works[1], sum(works) - float(stored[-1] - stored[0])
 
 
-def arrived(volume: float, wanted: float) -> bool:
-    """Whether a syringe has come to V_a ``wanted``; both in ml, as P_a does work on them."""
-    return abs(volume - wanted) <= ARRIVED
+def arrived(volume: float, point: float | None, rest: float) -> bool:
+    """Whether a syringe has come to a point, None for V_a at rest; volumes in ml, as P_a does work on them."""
+    return abs(volume - (rest if point is None else point)) <= ARRIVED
 
 
 def cycles_of(loading: Loading) -> list[tuple[int, int]]:
@@ -118,8 +118,7 @@ def _is_whole(model: Model, frames: CaseFrames, leg: int) -> bool:
         1e-3 * conjugate_volumes(model, with_references(model, displacement.astype(float)))[1]
         for displacement in (frames.cycle_displacement[own[-1]], frames.displacement[np.argmin(frames.pressure)])
     )
-    wanted = loading.syringe[leg - 1]
-    return arrived(end, rest if wanted is None else wanted)
+    return arrived(end, loading.syringe[leg - 1], rest)
 
 
 def closed_cycles(points: list[tuple[float, float]]) -> list[tuple[int, int]]:

@@ -19,7 +19,7 @@ from limo.measure.states import lowest
 from limo.reports.markdown import read_rows
 from limo.reports.performance import CASE, read_measurements, with_iterations
 
-#: the two sets of the gallery: the first one, and the one of preset `standard`
+#: the sets of the gallery: the first one, and those of two presets
 FIRST, STANDARD, AS_IN_PAPER = "", "standard", "as_in_paper"
 #: data of the gallery that are no study
 NO_STUDY = ("accuracy", "material")

@@ -286,10 +286,10 @@ def full_integration(kept: Kept) -> str:
     rows = rows[~rows.varied.str.contains("contact")]
     strokes = rows.drop_duplicates(["device", "element"]).pivot(index="device", columns="element", values="stroke")
     less = 100 * (1 - strokes["C3D20"] / strokes["C3D20R"])
-    devices = listed([f"N_p = {name.removeprefix('np')} {share:.0f} %" for name, share in less.items()])
+    devices = listed([f"{share:.0f} % (N_p = {name.removeprefix('np')})" for name, share in less.items()])
     return (
         "**Full integration (C3D20, CalculiX's S8) is too stiff.** On the mesh level "
-        f"`{COMPARED}` it ejects less than C3D20R: {devices} (`docs/accuracy.md`)."
+        f"`{COMPARED}` the stroke is {devices} less than with C3D20R (`docs/accuracy.md`)."
     )
 
 

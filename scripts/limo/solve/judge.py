@@ -70,8 +70,8 @@ class Checks:
     ``actuation_at_rest``: V_a in ml; ``actuation_below``: how far it lies below zero beyond the thickness times the area of the
     pouches, over V_v at rest; ``actuation_below_range``: the share of the ramp's P_a up to which it does.
     ``front_back_passed``, ``endo_epi_passed``: share of the area on which these layers have passed each other by more than the
-    thickness, at rest or at the end, whichever is larger; ``in_contact``: those that contact keeps apart. ``error``: why frames
-    could not be measured.
+    thickness, the largest of those at rest, at the end of the ramp and of the path; ``in_contact``: those that contact keeps
+    apart. ``error``: why frames could not be measured.
     """
 
     largest_displacement: float | None = None

@@ -22,7 +22,7 @@ def place(folder: Path, actuation_pressure_max: float) -> Place | None:
     pressure = min(max(finite_number(reported, "actuation_pressure") or 0.0, 0.0), actuation_pressure_max)
     fitted = min(max(finite_number(reported, "fitted") or 0.0, 0.0), 1.0) if stage == "fit" else 1.0
     counts = (int(finite_number(reported, key) or 0) for key in ("increments", "rejected", "iterations"))
-    at_rest = stage not in ("fit", "hold")
-    ramped = pressure / actuation_pressure_max if actuation_pressure_max else float(at_rest)
-    shares = (fitted, float(at_rest), ramped)
+    rested = stage not in ("fit", "hold")
+    ramped = pressure / actuation_pressure_max if actuation_pressure_max else float(rested)
+    shares = (fitted, float(rested), ramped)
     return Place(stage, pressure, shares, *counts, file.stat().st_mtime)
